@@ -1,0 +1,217 @@
+"""Rotations and rigid transforms as columns of numpy: right-handed, metres, quaternions xyzw.
+
+A transform named `T_parent_child` maps coordinates in `child` to coordinates in `parent`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+
+def quat_multiply(a: Floats, b: Floats) -> Floats:
+    """The Hamilton product of quaternions (..., 4), xyzw: the rotation b, then a."""
+    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    return np.stack(
+        (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ),
+        axis=-1,
+    )
+
+
+def quat_conjugate(q: Floats) -> Floats:
+    """The inverse rotations of unit quaternions (..., 4)."""
+    return q * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def quat_normalize(q: Floats) -> Floats:
+    """Quaternions (..., 4) scaled to unit length."""
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def quat_rotate(q: Floats, v: Floats) -> Floats:
+    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    xyz, w = q[..., :3], q[..., 3:]
+    t = 2.0 * np.cross(xyz, v)
+    return v + w * t + np.cross(xyz, t)
+
+
+def quat_angle(q: Floats) -> Floats:
+    """Rotation angles [rad] in 0..pi of quaternions (..., 4); exact for small angles too."""
+    return 2.0 * np.arctan2(np.linalg.norm(q[..., :3], axis=-1), np.abs(q[..., 3]))
+
+
+def relative_angle(a: Floats, b: Floats) -> Floats:
+    """Angles [rad] in 0..pi between the rotations a and b, quaternions (..., 4)."""
+    return quat_angle(quat_multiply(quat_conjugate(a), b))
+
+
+def quat_to_rotvec(q: Floats) -> Floats:
+    """Rotation vectors (..., 3) [rad], of length 0..pi, of quaternions (..., 4)."""
+    q = np.where(q[..., 3:] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., 3:])
+    small = sine < 1e-12
+    factor = np.where(small, 2.0, angle / np.where(small, 1.0, sine))
+    return q[..., :3] * factor
+
+
+def rotvec_to_quat(r: Floats) -> Floats:
+    """Unit quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
+    half = 0.5 * np.linalg.norm(r, axis=-1, keepdims=True)
+    # np.sinc(x) is sin(pi x) / (pi x), finite at zero.
+    return np.concatenate((0.5 * np.sinc(half / np.pi) * r, np.cos(half)), axis=-1)
+
+
+def quat_to_matrix(q: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quat(m: Floats) -> Floats:
+    """Unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3).
+
+    The largest of the four components is found first, so that nothing small is divided by
+    (Shepperd, 1978).
+    """
+    m = np.asarray(m, dtype=np.float64)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    # four times the products of the components, one row for each choice of the largest
+    wx, wy, wz = (
+        m[..., 2, 1] - m[..., 1, 2],
+        m[..., 0, 2] - m[..., 2, 0],
+        m[..., 1, 0] - m[..., 0, 1],
+    )
+    xy, xz, yz = (
+        m[..., 0, 1] + m[..., 1, 0],
+        m[..., 0, 2] + m[..., 2, 0],
+        m[..., 1, 2] + m[..., 2, 1],
+    )
+    candidates = np.stack(
+        (
+            np.stack((1 + xx - yy - zz, xy, xz, wx), axis=-1),
+            np.stack((xy, 1 - xx + yy - zz, yz, wy), axis=-1),
+            np.stack((xz, yz, 1 - xx - yy + zz, wz), axis=-1),
+            np.stack((wx, wy, wz, 1 + xx + yy + zz), axis=-1),
+        ),
+        axis=-2,
+    )
+    largest = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
+    q = quat_normalize(np.take_along_axis(candidates, largest[..., None, None], axis=-2)[..., 0, :])
+    return np.where(q[..., 3:] < 0.0, -q, q)
+
+
+def continuous_signs(q: Floats) -> Floats:
+    """The same rotations (n, 4), signs chosen so that neighbours lie in one hemisphere."""
+    if len(q) < 2:
+        return q
+    flips = np.where(np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0, -1.0, 1.0)
+    return q * np.concatenate(([1.0], np.cumprod(flips)))[:, None]
+
+
+def slerp(q0: Floats, q1: Floats, u: Floats) -> Floats:
+    """Spherical interpolation along the shorter arc between quaternions (..., 4), u in 0..1."""
+    u = np.asarray(u)[..., None]
+    dot = np.sum(q0 * q1, axis=-1, keepdims=True)
+    q1 = np.where(dot < 0.0, -q1, q1)
+    # atan2 of difference and sum stays exact where arccos of the dot product does not
+    angle = 2.0 * np.arctan2(
+        np.linalg.norm(q1 - q0, axis=-1, keepdims=True),
+        np.linalg.norm(q1 + q0, axis=-1, keepdims=True),
+    )
+    sine = np.sin(angle)
+    near = sine < 1e-9
+    divisor = np.where(near, 1.0, sine)
+    w0 = np.where(near, 1.0 - u, np.sin((1.0 - u) * angle) / divisor)
+    w1 = np.where(near, u, np.sin(u * angle) / divisor)
+    return quat_normalize(w0 * q0 + w1 * q1)
+
+
+def mean_rotation(q: Floats) -> Floats:
+    """The mean (4,) of rotations (n, 4): the chordal L2 mean (Markley et al., 2007)."""
+    _, vectors = np.linalg.eigh(q.T @ q)
+    mean: Floats = vectors[:, -1]
+    return -mean if mean[3] < 0 else mean
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transform:
+    """Rigid transforms `T_parent_child`, one or many.
+
+    Attributes:
+        p: translations (..., 3) [m].
+        q: unit quaternions (..., 4), xyzw.
+    """
+
+    p: Floats
+    q: Floats
+
+    @classmethod
+    def identity(cls) -> Transform:
+        return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+
+    @classmethod
+    def of(cls, p: npt.ArrayLike, q: npt.ArrayLike) -> Transform:
+        """From anything array-like; the quaternions are normalised."""
+        return cls(np.asarray(p, dtype=np.float64), quat_normalize(np.asarray(q, dtype=np.float64)))
+
+    @classmethod
+    def from_matrix(cls, m: npt.ArrayLike) -> Transform:
+        """From homogeneous matrices (..., 4, 4) or (..., 3, 4)."""
+        m = np.asarray(m, dtype=np.float64)
+        return cls(m[..., :3, 3], matrix_to_quat(m[..., :3, :3]))
+
+    @classmethod
+    def concatenate(cls, parts: Iterable[Transform]) -> Transform:
+        parts = list(parts)
+        return cls(np.concatenate([x.p for x in parts]), np.concatenate([x.q for x in parts]))
+
+    def matrix(self) -> Floats:
+        """Homogeneous matrices (..., 4, 4)."""
+        m = np.zeros((*self.p.shape[:-1], 4, 4))
+        m[..., :3, :3] = quat_to_matrix(self.q)
+        m[..., :3, 3] = self.p
+        m[..., 3, 3] = 1.0
+        return m
+
+    def __matmul__(self, other: Transform) -> Transform:
+        """`T_a_b @ T_b_c` is `T_a_c`; one against many is broadcast."""
+        return Transform(quat_rotate(self.q, other.p) + self.p, quat_multiply(self.q, other.q))
+
+    def apply(self, points: Floats) -> Floats:
+        """Points (..., 3) in the child frame, in coordinates of the parent frame."""
+        return quat_rotate(self.q, points) + self.p
+
+    def inverse(self) -> Transform:
+        q = quat_conjugate(self.q)
+        return Transform(-quat_rotate(q, self.p), q)
+
+    def __len__(self) -> int:
+        return len(self.p)
+
+    def __getitem__(self, index: Any) -> Transform:
+        return Transform(self.p[index], self.q[index])
+
+
+def unity_to_openxr(pose: Transform) -> Transform:
+    """Unity (left-handed, y up) to OpenXR (right-handed, y up, -z forward): z is mirrored."""
+    return Transform(pose.p * np.array([1.0, 1.0, -1.0]), pose.q * np.array([-1.0, -1.0, 1.0, 1.0]))

@@ -1,0 +1,154 @@
+"""What devices send and takes hold, as columns: the one shape in which recordings are passed on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntFlag
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs
+from vrbench.trajectory import Trajectory
+
+
+class Flag(IntFlag):
+    """What a runtime says of a pose; the first four are OpenXR's location flags."""
+
+    ORIENTATION_VALID = 1
+    POSITION_VALID = 2
+    ORIENTATION_TRACKED = 4
+    POSITION_TRACKED = 8
+
+
+GOOD = int(
+    Flag.ORIENTATION_VALID | Flag.POSITION_VALID | Flag.ORIENTATION_TRACKED | Flag.POSITION_TRACKED
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Every pose a source sent, good or not, in order of arrival.
+
+    Attributes:
+        source_t: the source's own stamp (n,) [ns], on its own clock.
+        pose_t: the time the pose refers to (n,) [ns].
+        receive_t: when it arrived (n,) [ns], on the recorder's clock.
+        pose: `T_parent_child` (n,).
+        flags: what the source says of each pose (n,), `Flag`.
+        epoch: world frame of each pose (n,); one more at every recentre.
+    """
+
+    source_t: Ints
+    pose_t: Ints
+    receive_t: Ints
+    pose: Transform
+    flags: npt.NDArray[np.uint32]
+    epoch: npt.NDArray[np.uint32]
+
+    @classmethod
+    def of(
+        cls, t: Ints, pose: Transform, *, receive_t: Ints | None = None, flags: int = GOOD
+    ) -> Samples:
+        """Samples of a source that gives one stamp a pose and no flags."""
+        n = len(t)
+        return cls(
+            source_t=t,
+            pose_t=t,
+            receive_t=t if receive_t is None else receive_t,
+            pose=pose,
+            flags=np.full(n, flags, dtype=np.uint32),
+            epoch=np.zeros(n, dtype=np.uint32),
+        )
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Samples]) -> Samples:
+        return cls(
+            source_t=np.concatenate([x.source_t for x in parts]),
+            pose_t=np.concatenate([x.pose_t for x in parts]),
+            receive_t=np.concatenate([x.receive_t for x in parts]),
+            pose=Transform.concatenate(x.pose for x in parts),
+            flags=np.concatenate([x.flags for x in parts]),
+            epoch=np.concatenate([x.epoch for x in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.pose_t)
+
+    def __getitem__(self, index: Any) -> Samples:
+        return Samples(
+            self.source_t[index],
+            self.pose_t[index],
+            self.receive_t[index],
+            self.pose[index],
+            self.flags[index],
+            self.epoch[index],
+        )
+
+    @property
+    def good(self) -> Bools:
+        """Which poses (n,) are valid and tracked in position and orientation."""
+        return (self.flags & GOOD) == GOOD
+
+    def trajectory(self) -> Trajectory:
+        """The good poses by pose time; of poses with one and the same time the first is kept."""
+        keep = np.flatnonzero(self.good)
+        t, first = np.unique(self.pose_t[keep], return_index=True)
+        pose = self.pose[keep[first]]
+        return Trajectory(t, Transform(pose.p, continuous_signs(pose.q)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joints:
+    """Joint states of a robot.
+
+    Attributes:
+        t: stamps (n,) [ns].
+        receive_t: when they arrived (n,) [ns].
+        position: joint angles (n, k) [rad].
+        velocity: joint speeds (n, k) [rad/s].
+        names: the joints' names (k,).
+    """
+
+    t: Ints
+    receive_t: Ints
+    position: Floats
+    velocity: Floats
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened in a take: `phase`, `loop`, `gap`, `recentre`, `mark`, ...
+
+    Attributes:
+        t: when [ns], on the recorder's clock.
+        kind: what.
+        detail: more of it, in JSON's types.
+    """
+
+    t: int
+    kind: str
+    detail: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """A whole take, decoded.
+
+    Attributes:
+        poses: pose streams by name: `headset/eye`, `robot/tcp`, `robot/target`, `mocap/<body>`.
+        joints: joint streams by name: `robot/joints`.
+        events: all events by time.
+        metadata: facts of the take, text by name.
+    """
+
+    poses: Mapping[str, Samples]
+    joints: Mapping[str, Joints] = field(default_factory=dict)
+    events: Sequence[Event] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,173 @@
+"""Trajectories: poses stamped in int64 nanoseconds, in strictly increasing time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vrbench.errors import DataError
+from vrbench.geometry import (
+    Bools,
+    Floats,
+    Ints,
+    Transform,
+    continuous_signs,
+    quat_normalize,
+    relative_angle,
+    slerp,
+)
+
+NS = 1_000_000_000
+QUATERNION_TOLERANCE = 1e-2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A moving frame.
+
+    Attributes:
+        t: stamps (n,) [ns], int64, strictly increasing.
+        pose: `T_parent_child` at those times (n,).
+    """
+
+    t: Ints
+    pose: Transform
+
+    def __post_init__(self) -> None:
+        if len(self.t) != len(self.pose):
+            raise ValueError(f"{len(self.t)} stamps for {len(self.pose)} poses")
+        if np.any(np.diff(self.t) <= 0):
+            raise ValueError("stamps must increase strictly")
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, index: Any) -> Trajectory:
+        return Trajectory(self.t[index], self.pose[index])
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last stamp [s]."""
+        return float(self.t[-1] - self.t[0]) / NS if len(self) else 0.0
+
+    @property
+    def period_s(self) -> float:
+        """The median interval between stamps [s]."""
+        return float(np.median(np.diff(self.t))) / NS
+
+    def seconds(self, origin_ns: int) -> Floats:
+        """Stamps (n,) as float64 [s] after an integer origin: epoch seconds would lose digits."""
+        return seconds_since(self.t, origin_ns)
+
+    def between(self, start_ns: int, end_ns: int) -> Trajectory:
+        """The part with start <= t <= end."""
+        return self[
+            np.searchsorted(self.t, start_ns) : np.searchsorted(self.t, end_ns, side="right")
+        ]
+
+    def mapped(self, f: Callable[[Transform], Transform]) -> Trajectory:
+        """The same stamps with poses f(pose)."""
+        return Trajectory(self.t, f(self.pose))
+
+    def at(self, t: Ints) -> Transform:
+        """Poses at the times t (m,) [ns] within the trajectory: linear in p, slerp in q."""
+        last = len(self) - 1
+        left = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, max(last - 1, 0))
+        right = np.minimum(left + 1, last)
+        span = np.maximum(self.t[right] - self.t[left], 1)
+        u = (t - self.t[left]) / span
+        p = self.pose.p[left] + u[:, None] * (self.pose.p[right] - self.pose.p[left])
+        return Transform(p, slerp(self.pose.q[left], self.pose.q[right], u))
+
+    def covers(self, t: Ints, max_gap_ns: float) -> Bools:
+        """Where the times t (m,) lie between two stamps that are at most max_gap_ns apart."""
+        if len(self) < 2:
+            return np.zeros(len(t), dtype=bool)
+        left = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self) - 2)
+        inside = (t >= self.t[0]) & (t <= self.t[-1])
+        return inside & (self.t[left + 1] - self.t[left] <= max_gap_ns)
+
+    def speed(self) -> Floats:
+        """Speeds (n - 1,) [m/s] between neighbouring samples."""
+        return np.linalg.norm(np.diff(self.pose.p, axis=0), axis=1) / self._steps_s()
+
+    def angular_speed(self) -> Floats:
+        """Angular speeds (n - 1,) [rad/s] between neighbouring samples."""
+        return relative_angle(self.pose.q[:-1], self.pose.q[1:]) / self._steps_s()
+
+    def _steps_s(self) -> Floats:
+        return np.diff(self.t) / NS
+
+
+def seconds_since(t: Ints, origin_ns: int) -> Floats:
+    """Stamps [ns] as float64 seconds after an integer origin [ns]."""
+    return (t - np.int64(origin_ns)) / NS
+
+
+def read_tum(path: Path) -> Trajectory:
+    """A TUM file: rows `t x y z qx qy qz qw` (s, m), `#` comments.
+
+    Raises:
+        DataError: no such file, no rows, a row of another shape, a value that isn't finite, a
+            quaternion far from unit length, stamps that do not increase.
+    """
+    try:
+        rows = np.loadtxt(path, comments="#", ndmin=2)
+    except OSError as error:
+        raise DataError("can't be read", file=path, fix=str(error)) from error
+    except ValueError as error:
+        raise DataError(
+            "is not TUM text", file=path, fix=f"each row is `t x y z qx qy qz qw`; {error}"
+        ) from error
+    if rows.size == 0:
+        raise DataError("holds no poses", file=path, fix="each row is `t x y z qx qy qz qw`")
+    if rows.shape[1] != 8:
+        raise DataError(f"rows have {rows.shape[1]} columns", file=path, fix="TUM rows have 8")
+    t = np.rint(rows[:, 0] * NS).astype(np.int64)
+    return checked_trajectory(t, rows[:, 1:4], rows[:, 4:8], path)
+
+
+def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
+    """A trajectory of stamps (n,), positions (n, 3), quaternions (n, 4) that `file` claims.
+
+    Raises:
+        DataError: values not finite, quaternions far from unit length, stamps not increasing.
+    """
+    for name, values in (("position", p), ("quaternion", q)):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise DataError(f"{name} of pose {bad[0] + 1} is not finite", file=file)
+    length = np.linalg.norm(q, axis=1)
+    bad = np.flatnonzero(np.abs(length - 1.0) > QUATERNION_TOLERANCE)
+    if len(bad):
+        raise DataError(
+            f"quaternion of pose {bad[0] + 1} has length {length[bad[0]]:.4g}",
+            file=file,
+            fix="unit quaternions, order x y z w",
+        )
+    bad = np.flatnonzero(np.diff(t) <= 0)
+    if len(bad):
+        raise DataError(
+            f"stamps do not increase at pose {bad[0] + 2} ({len(bad)} such places)",
+            file=file,
+            fix="sort the rows and remove duplicates",
+        )
+    return Trajectory(t, Transform(p, continuous_signs(quat_normalize(q))))
+
+
+def write_tum(trajectory: Trajectory, path: Path) -> None:
+    """TUM text: stamps with nine decimals, exact; values to the last digit."""
+    lines = (
+        f"{t // NS}.{t % NS:09d} " + " ".join(map(repr, (*p, *q)))
+        for t, p, q in zip(
+            trajectory.t.tolist(),
+            trajectory.pose.p.tolist(),
+            trajectory.pose.q.tolist(),
+            strict=True,
+        )
+    )
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
