@@ -1,0 +1,191 @@
+"""What a headset, a motion-capture source and a robot must offer to be benchmarked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from pydantic import BaseModel, ConfigDict
+
+from vrbench.geometry import Transform
+from vrbench.streams import Columns
+from vrbench.trajectory import Trajectory
+
+
+class HostClock(Protocol):
+    """The recorder's clock: real, or virtual where every device is simulated."""
+
+    def now(self) -> int:
+        """Time [ns] since 1970, never stepping back."""
+        ...
+
+    def wait(self, seconds: float) -> None:
+        """Lets time pass."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """What a device is opened with, besides its own options.
+
+    Attributes:
+        host: the recorder's clock.
+        mounting: nominal `T_tcp_eye` of the rig.
+        seed: of everything random in the run.
+        stage: shared by the simulated devices of one rig; real devices pass it by.
+    """
+
+    host: HostClock
+    mounting: Transform
+    seed: int
+    stage: Any = None
+
+
+class PoseSource(Protocol):
+    """A device that sends poses. Entered, it is connected; left, it is released."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def start(self, take: str) -> None:
+        """Begins to send, for the take of this name."""
+        ...
+
+    def read(self) -> Columns:
+        """What has arrived since the last call; returns at once."""
+        ...
+
+    def stop(self) -> None:
+        """Ends what `start` began; what is on its way can still be read."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A motion made executable by one robot in one rig.
+
+    Attributes:
+        target: the planned `T_base_tcp`, stamps from 0.
+        hash: of all that determines what the robot will do.
+        fraction: how much of the motion can be done, 0..1.
+        stretch: duration over the motion's own.
+    """
+
+    target: Trajectory
+    hash: str
+    fraction: float = 1.0
+    stretch: float = 1.0
+
+
+class Robot(PoseSource, Protocol):
+    """A robot that can plan a head motion and carry it out while its own poses are read."""
+
+    def plan(self, motion: Trajectory) -> Plan:
+        """A plan that moves the mounted eye as `motion`, `T_eye0_eye` with stamps from 0."""
+        ...
+
+    def execute(self, plan: Plan) -> Iterator[float]:
+        """Carries the plan out; yields the part done, 0..1, many times a second."""
+        ...
+
+
+class NoDeviceOptions(BaseModel):
+    """A device that needs no telling."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True, slots=True)
+class Tracking:
+    """How a simulated stand-in for a headset errs. Made up unless `source` says otherwise.
+
+    Attributes:
+        position_noise_m: rms of the slow position error, each axis [m].
+        rotation_noise_rad: rms of the slow rotation error, each axis [rad].
+        correlation_s: correlation time of both [s].
+        position_jitter_m: rms of the white position noise, each axis [m].
+        rotation_jitter_rad: rms of the white rotation noise, each axis [rad].
+        interval_jitter_s: rms of the sampling instants about the nominal rate [s].
+        lost_per_minute: mean number of times tracking is lost in a minute.
+        lost_s: how long each loss lasts [s].
+        source: where the numbers come from.
+    """
+
+    position_noise_m: float = 0.0012
+    rotation_noise_rad: float = 0.0015
+    correlation_s: float = 2.0
+    position_jitter_m: float = 0.0001
+    rotation_jitter_rad: float = 0.0002
+    interval_jitter_s: float = 0.0003
+    lost_per_minute: float = 0.2
+    lost_s: float = 0.15
+    source: str = "made up"
+
+
+@dataclass(frozen=True, slots=True)
+class HeadsetProfile:
+    """What is known of a headset model without asking the device.
+
+    Attributes:
+        rate_hz: nominal rate of poses [Hz].
+        cameras: tracking cameras, name by id.
+        clock: the clock of its stamps: `utc`, `monotonic` or `device`.
+        occlusion: camera ids covered, by level; `none` is always there.
+        tracking: how its simulated stand-in errs.
+    """
+
+    rate_hz: float
+    cameras: Mapping[int, str] = field(default_factory=dict)
+    clock: str = "device"
+    occlusion: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"none": ()})
+    tracking: Tracking = field(default_factory=Tracking)
+
+
+@dataclass(frozen=True, slots=True)
+class HeadsetSpec:
+    """A headset model, a route to headsets, or both.
+
+    Attributes:
+        name: what rigs call it in `plugin` or `device`.
+        title: what it is, for people.
+        profile: of the model; None where this is a route alone.
+        options: the route's options, `extra="forbid"`.
+        open: connects; None where recordings of this model can only be imported. The vendor's
+            SDK is imported in here, not before.
+    """
+
+    name: str
+    title: str
+    profile: HeadsetProfile | None = None
+    options: type[BaseModel] = NoDeviceOptions
+    open: Callable[[Any, HeadsetProfile, Session], PoseSource] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MocapSpec:
+    """A motion-capture system; attributes as in `HeadsetSpec`."""
+
+    name: str
+    title: str
+    open: Callable[[Any, Session], PoseSource]
+    rate_hz: float
+    options: type[BaseModel] = NoDeviceOptions
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """A robot; attributes as in `HeadsetSpec`."""
+
+    name: str
+    title: str
+    open: Callable[[Any, Session], Robot]
+    rate_hz: float
+    options: type[BaseModel] = NoDeviceOptions

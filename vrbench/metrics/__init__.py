@@ -1,0 +1,1 @@
+"""Metrics: how wrong. Each module holds one family, its units and its functions."""

@@ -1,0 +1,53 @@
+"""A take made ready for scoring: one clock, one window, reference and estimate in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from vrbench.clocks import ClockMap
+from vrbench.geometry import Transform
+from vrbench.streams import Columns, Samples
+from vrbench.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoredTake:
+    """What the metrics of a take are computed from.
+
+    All times are on the reference's clock [ns], within the scored window.
+
+    Attributes:
+        columns: the take as it was recorded, on its own clocks.
+        reference: `T_base_tcp` in the window, at the reference's own rate.
+        samples: every sample of the headset in the window, good or not.
+        estimate: `T_world_eye`, the good samples for which there is a reference (n,).
+        truth: the reference interpolated at the estimate's stamps, `T_base_tcp` (n,).
+        clock: from the headset's clock to the reference's.
+        x: `T_tcp_eye` of the mount's calibration; None without one.
+        y: `T_base_world` fitted over the window; None without `x`.
+        anchor_end: end of the anchor window [ns]; None where the case has none.
+        sitting_y: `T_base_world` of the calibration, where nothing recentred in between.
+    """
+
+    columns: Columns
+    reference: Trajectory
+    samples: Samples
+    estimate: Trajectory
+    truth: Transform
+    clock: ClockMap
+    x: Transform | None = None
+    y: Transform | None = None
+    anchor_end: int | None = None
+    sitting_y: Transform | None = None
+
+    def points(self) -> Iterator[tuple[str, Transform, Transform]]:
+        """(name, truth `T_base_point`, estimate `T_world_point`), at the eye and at the tcp.
+
+        Raises:
+            ValueError: the take has no `x`, without which neither point can be compared.
+        """
+        if self.x is None:
+            raise ValueError("a take without x has no common point")
+        yield "eye", self.truth @ self.x, self.estimate.pose
+        yield "tcp", self.truth, self.estimate.pose @ self.x.inverse()

@@ -1,0 +1,1 @@
+"""Recording: from sources and files to takes."""

@@ -1,0 +1,1 @@
+"""Built-in importers: each module holds one format's `IMPORTER`."""
