@@ -1,1 +1,1 @@
-"""Built-in importers: each module holds one format's `IMPORTER`."""
+"""Built-in importers: each module holds the `IMPORTERS` of one format."""
