@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -213,3 +214,19 @@ def default_folder(suite: str, device: str) -> Path:
         n += 1
         folder = Path("runs") / f"{base}-{n}"
     return folder
+
+
+def versions(plugins: Mapping[str, str]) -> dict[str, str]:
+    """Versions of Python and of what takes part in a result, by name."""
+    from importlib.metadata import version
+
+    import numpy
+    import scipy
+
+    return {
+        "python": platform.python_version(),
+        "numpy": numpy.__version__,
+        "scipy": scipy.__version__,
+        "mcap": version("mcap"),
+        **plugins,
+    }
