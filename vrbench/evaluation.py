@@ -143,7 +143,7 @@ class _Scorer:
         return verdict
 
     def _in_sample(self, columns: Columns, mount: _Mount) -> list[Row]:
-        """APE with X fitted on the very take that is scored: an upper bound on how good it looks."""
+        """APE with X fitted on the very take that is scored: better than it can truly be."""
         ape = [f for f in self.families if f.name == "ape" and f.of_take is not None]
         if not ape:
             return []

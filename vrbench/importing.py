@@ -88,7 +88,7 @@ def _case_of(take: RecordedTake, suite: Suite, path: Path) -> Case:
 
 def _references(recordings: Recordings, suite: Suite, path: Path) -> list[str]:
     """The suite's references that every take has."""
-    there = [
+    there: list[str] = [
         name
         for name in suite.references
         if all(getattr(take, name) is not None for take in recordings.takes)

@@ -17,7 +17,7 @@ from vrbench.estimation.correlation import (
     correlate,
     refined_peak,
 )
-from vrbench.estimation.drift import LONG_TAKE_S, fit_drift
+from vrbench.estimation.drift import fit_drift
 from vrbench.geometry import Floats
 from vrbench.trajectory import NS, Trajectory
 
@@ -206,9 +206,7 @@ def _require_overlap(
     start = max(reference.t[0], estimate.t[0] - shift)
     end = min(reference.t[-1], estimate.t[-1] - shift)
     # with the offset as far off as the search allows, but no more in common than the shorter has
-    shared_s = min(
-        (end - start) / NS + reach_s, reference.duration_s, estimate.duration_s
-    )
+    shared_s = min((end - start) / NS + reach_s, reference.duration_s, estimate.duration_s)
     wanted = min(reference.duration_s, estimate.duration_s, MINIMUM_OVERLAP_S)
     if shared_s < wanted:
         raise EstimationError(

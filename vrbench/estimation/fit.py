@@ -23,7 +23,6 @@ from vrbench.geometry import (
     Transform,
     quat_multiply,
     quat_rotate,
-    quat_to_matrix,
     rotvec_to_quat,
 )
 from vrbench.trajectory import NS, Trajectory

@@ -95,9 +95,7 @@ def solve_world(T_base_tcp: Transform, T_world_eye: Transform, x: Transform) -> 
         EstimationError: fewer than 3 poses, values not finite.
     """
     if len(T_base_tcp) < 3:
-        raise EstimationError(
-            f"only {len(T_base_tcp)} pairs of poses", fix="at least 3 are needed"
-        )
+        raise EstimationError(f"only {len(T_base_tcp)} pairs of poses", fix="at least 3 are needed")
     require_finite(T_base_tcp, "T_base_tcp")
     require_finite(T_world_eye, "T_world_eye")
     target = T_base_tcp @ x

@@ -188,7 +188,7 @@ def _cross_matrices(v: Floats) -> Floats:
 
 
 def _inverse_left_jacobian(r: Floats) -> Floats:
-    """d log(exp(e) exp(r)) / de (m, 3, 3), to second order in r [rad]: residuals are small."""
+    """D log(exp(e) exp(r)) / de (m, 3, 3), to second order in r [rad]: residuals are small."""
     cross = _cross_matrices(r)
     inverse: Floats = np.eye(3) - 0.5 * cross + cross @ cross / 12.0
     return inverse
