@@ -1,0 +1,1 @@
+"""When and where: clocks, trimming, hand-eye, alignment; pure functions."""
