@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 from vrbench.clocks import ClockMap
 from vrbench.geometry import Transform
@@ -11,11 +12,20 @@ from vrbench.streams import Columns, Samples
 from vrbench.trajectory import Trajectory
 
 
+class ClockEvidence(Protocol):
+    """What the fit of a clock says of itself; `vrbench.estimation.clock.ClockFit` does."""
+
+    @property
+    def residual_s(self) -> float | None:
+        """RMS scatter of the offset about the fitted map [s]; None where it wasn't measured."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredTake:
     """What the metrics of a take are computed from.
 
-    All times are on the reference's clock [ns], within the scored window.
+    All times are on the reference's clock [ns], within the scored window. The estimate lies in one
+    epoch: a take with several is scored as several.
 
     Attributes:
         columns: the take as it was recorded, on its own clocks.
@@ -28,6 +38,7 @@ class ScoredTake:
         y: `T_base_world` fitted over the window; None without `x`.
         anchor_end: end of the anchor window [ns]; None where the case has none.
         sitting_y: `T_base_world` of the calibration, where nothing recentred in between.
+        clock_fit: what the fit of `clock` says of itself; None where the clocks were given.
     """
 
     columns: Columns
@@ -40,6 +51,7 @@ class ScoredTake:
     y: Transform | None = None
     anchor_end: int | None = None
     sitting_y: Transform | None = None
+    clock_fit: ClockEvidence | None = None
 
     def points(self) -> Iterator[tuple[str, Transform, Transform]]:
         """(name, truth `T_base_point`, estimate `T_world_point`), at the eye and at the tcp.

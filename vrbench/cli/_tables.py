@@ -1,0 +1,150 @@
+"""How the terminal shows results; rich is imported when something is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from vrbench.results.leaderboard import Board
+    from vrbench.results.tables import Row
+
+
+def console(*, err: bool = False) -> Console:
+    """The terminal; text that goes to a file or a pipe is given room for whole lines."""
+    from rich.console import Console
+
+    plain = Console(stderr=err)
+    return plain if plain.is_terminal else Console(stderr=err, width=160)
+
+
+def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Prints a table; columns whose header ends in a space are aligned to the right."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    for name in header:
+        table.add_column(name.strip(), justify="right" if name.endswith(" ") else "left")
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+
+
+# The headline numbers of a take: column, metric, point, statistic.
+_HEADLINES = (
+    ("ape eye mm ", "ape.translation.aligned", "eye", "rmse"),
+    ("max ", "ape.translation.aligned", "eye", "max"),
+    ("ape tcp mm ", "ape.translation.aligned", "tcp", "rmse"),
+    ("ape deg ", "ape.rotation.aligned", "eye", "rmse"),
+    ("rpe 1 s mm ", "rpe.translation@1s", "eye", "rmse"),
+    ("scale ", "scale", "eye", "value"),
+    ("offset ms ", "clock.offset", "", "value"),
+    ("rate Hz ", "timing.rate", "", "value"),
+    ("valid % ", "coverage.valid", "", "value"),
+)
+
+
+def show_metrics(rows: Sequence[Row], table: str) -> None:
+    """The headline numbers of each take and of all together; `table` is the file with the rest."""
+    from vrbench.results.tables import STATUSES
+
+    takes: dict[tuple[str, str, str, str], dict[tuple[str, ...], Row]] = {}
+    for row in rows:
+        if row.variant == "main" and row.band == "all" and row.segment == "all":
+            take = takes.setdefault((row.reference, row.case, row.mount, row.repeat), {})
+            take[row.metric, row.point, row.statistic] = row
+    lines = []
+    for (_, case, mount, repeat), numbers in takes.items():
+        cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in _HEADLINES]
+        if not any(cells):
+            continue
+        place = [case, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
+        shown = ["" if row is None else _number(row.value) for row in cells]
+        status = min((r.status for r in numbers.values()), key=STATUSES.index)
+        lines.append([*place, *shown, "ok" if status == "skipped" else status])
+    header = ["case", "take", *(name for name, *_ in _HEADLINES), "status"]
+    show_table("Metrics", header, lines)
+    click.echo(f"all {len(rows)} numbers: {table}")
+
+
+def show_boards(boards: Sequence[Board]) -> None:
+    """Every board, best device first, and why those without a rank have none."""
+    for board in boards:
+        key = board.key
+        title = (
+            f"Leaderboard: {key.suite}, {key.case} by {key.motion}, speed {key.speed:g}, "
+            f"{board.metric}\nprotocol {key.protocol}, reference {key.reference}, "
+            f"suite {key.suite_digest[:8]}, motion {key.motion_digest[:8]}"
+        )
+        unit = next((entry.unit for entry in board.entries if entry.unit), "")
+        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "takes ", "mounts ", "valid % "]
+        rows = [
+            [
+                "-" if e.rank is None else str(e.rank),
+                e.device,
+                e.lab,
+                e.firmware,
+                _number(e.value),
+                str(e.takes),
+                str(e.mounts),
+                _number(e.coverage),
+                e.status,
+                e.reason,
+            ]
+            for e in board.entries
+        ]
+        show_table(title, [*header, "status", "why"], rows)
+
+
+def _state(row: Row) -> str:
+    return row.status if row.status == "ok" else f"{row.status}: {row.reason}"
+
+
+def _number(value: float | None) -> str:
+    """Four significant digits, without exponents where people don't expect them."""
+    if value is None:
+        return ""
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+
+
+@contextmanager
+def bar(what: str) -> Iterator[Any]:
+    """A progress bar on stderr: call it with a text and the part done, 0..1."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn(what),
+        BarColumn(bar_width=30),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=console(err=True), transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+
+        def tell(text: str, done: float) -> None:
+            progress.update(task, description=text, completed=done)
+
+        yield tell
+
+
+def exit_code(rows: Sequence[Row]) -> int:
+    """1 where a result is invalid or failed, 0 otherwise."""
+    bad = any(row.status in ("invalid", "failed") and row.variant == "main" for row in rows)
+    return 1 if bad else 0
+
+
+def show_trouble(rows: Sequence[Row]) -> None:
+    """One line on stderr for each take that failed or is invalid."""
+    told: dict[tuple[str, ...], None] = {}
+    for row in rows:
+        if row.status in ("invalid", "failed") and row.variant == "main" and row.repeat != "all":
+            told[(row.case, row.mount, row.repeat, row.status, row.reason)] = None
+    for case, mount, repeat, status, reason in told:
+        click.echo(f"{status}: {case} mount {mount} repeat {repeat}: {reason}", err=True)

@@ -1,0 +1,60 @@
+"""Clock: how the headset's clock stood against the reference's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vrbench.clocks import ClockMap
+from vrbench.metrics.registry import Family, Value
+from vrbench.metrics.scored import ScoredTake
+from vrbench.metrics.summary import absent
+
+UNITS = {"clock.offset": "ms", "clock.skew": "ppm", "clock.residual": "ms"}
+
+
+def device_time(clock: ClockMap, t_reference: int) -> int:
+    """The device's time [ns] at a time of the reference [ns]."""
+    t = t_reference
+    # Skews are parts per million, so each round gains five digits.
+    for _ in range(3):
+        t = t_reference + round(float(clock.offset_ns(t)))
+    return t
+
+
+def of_take(take: ScoredTake) -> Iterator[Value]:
+    """Apparent offset in the middle of the window, mean skew over it, scatter about the map.
+
+    The apparent offset is the clock's minus the lead of the pose prediction.
+    """
+    n = len(take.estimate)
+    if n < 2:
+        for name, unit in UNITS.items():
+            yield absent(name, unit, f"{n} samples in the window", statistic="value")
+        return
+    start, end = (
+        device_time(take.clock, int(t)) for t in (take.estimate.t[0], take.estimate.t[-1])
+    )
+    offsets = take.clock.offset_ns(np.array([start, (start + end) // 2, end]))
+    yield Value("clock.offset", "value", float(offsets[1]) / 1e6, "ms", n)
+    if offsets[0] == offsets[2]:
+        reason = "the offset is constant: the take is too short for a skew"
+        yield absent("clock.skew", "ppm", reason, statistic="value")
+    else:
+        skew = float(offsets[2] - offsets[0]) / (end - start)
+        yield Value("clock.skew", "value", 1e6 * skew, "ppm", n)
+    residual = None if take.clock_fit is None else take.clock_fit.residual_s
+    if residual is None:
+        reason = "the scatter of the offset was not measured"
+        yield absent("clock.residual", "ms", reason)
+    else:
+        yield Value("clock.residual", "rmse", 1e3 * residual, "ms", n)
+
+
+FAMILY = Family(
+    name="clock",
+    title="How the headset's clock stood against the reference's",
+    units=UNITS,
+    of_take=of_take,
+)

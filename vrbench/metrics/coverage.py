@@ -1,0 +1,61 @@
+"""Coverage: for how much of the window the headset gave a pose that counts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vrbench.geometry import Ints
+from vrbench.metrics.registry import Family, Value
+from vrbench.metrics.scored import ScoredTake
+from vrbench.metrics.summary import absent
+
+# Longer intervals than this many periods are missing samples, shorter ones are jitter.
+LATE_PERIODS = 1.5
+
+
+def covered_ns(good_t: Ints, start: int, end: int, period_ns: float) -> float:
+    """How much of the time from start to end [ns] good samples stand for.
+
+    Each stands for the interval to the next, or for one period where samples are missing between.
+
+    Args:
+        good_t: stamps (n,) [ns], increasing, within start and end.
+        period_ns: the usual interval [ns].
+    """
+    intervals = np.diff(np.concatenate(([start], good_t, [end]))).astype(np.float64)
+    late = intervals > LATE_PERIODS * period_ns
+    # The window's edges aren't samples: what is missing there is missing wholly.
+    credit = np.full(len(intervals), period_ns)
+    credit[0] = credit[-1] = 0.0
+    return float(np.sum(np.where(late, credit, intervals)))
+
+
+def of_take(take: ScoredTake) -> Iterator[Value]:
+    """Time covered by good samples, and how far the last of them comes, in % of the window."""
+    names = "coverage.valid", "coverage.completion"
+    if len(take.reference) < 2:
+        yield from (
+            absent(name, "%", "the reference has no window", statistic="value") for name in names
+        )
+        return
+    start, end = int(take.reference.t[0]), int(take.reference.t[-1])
+    t = np.unique(take.samples.pose_t)
+    good = np.unique(take.samples.pose_t[take.samples.good])
+    good = good[(good >= start) & (good <= end)]
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    covered = covered_ns(good, start, end, period) if len(good) else 0.0
+    reached = float(good[-1] - start) if len(good) else 0.0
+    if len(good) and end - good[-1] <= LATE_PERIODS * period:
+        reached = float(end - start)
+    for name, part in zip(names, (covered, reached), strict=True):
+        yield Value(name, "value", 100.0 * part / (end - start), "%", len(take.samples))
+
+
+FAMILY = Family(
+    name="coverage",
+    title="For how much of the window the headset gave a pose that counts",
+    units={"coverage.valid": "%", "coverage.completion": "%"},
+    of_take=of_take,
+)

@@ -1,0 +1,111 @@
+"""Recovery: how long after a loss of tracking the pose is right again, and how far it is off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vrbench.errors import EstimationError
+from vrbench.geometry import Ints, Transform
+from vrbench.metrics.compared import MM, fit_poses, under
+from vrbench.metrics.registry import Family, Value
+from vrbench.metrics.scored import ScoredTake
+from vrbench.metrics.summary import absent, summarise
+from vrbench.trajectory import NS
+
+UNITS = {"recovery.time": "s", "recovery.offset": "mm"}
+SHOWN = ("mean", "median", "max")
+MIN_LOSS_S = 0.1
+BEFORE_S, BESIDE_S = 2.0, 0.5
+RECOVERED_M = 0.005
+HELD_S = 0.25
+
+
+def losses(good_t: Ints) -> list[tuple[int, int]]:
+    """Last stamp before and first stamp after each loss: no good sample for `MIN_LOSS_S`."""
+    at = np.flatnonzero(np.diff(good_t) > MIN_LOSS_S * NS)
+    return [(int(good_t[i]), int(good_t[i + 1])) for i in at]
+
+
+def recovery(
+    t: Ints, truth: Transform, estimate: Transform, lost: int, back: int, until: int
+) -> tuple[float | None, float | None]:
+    """Time [s] and offset [m] of one loss, in the frame fitted on the two seconds before it.
+
+    The offset is the length of the mean error in the half second after. The time runs from the loss
+    until the error has come within 5 mm, and stays there for a quarter of a second.
+
+    Args:
+        t: stamps (n,) [ns], increasing.
+        truth: `T_base_eye` (n,).
+        estimate: `T_world_eye` (n,), in any world.
+        lost: the last good stamp before [ns].
+        back: the first good stamp after [ns].
+        until: the next loss, or the end [ns].
+
+    Returns:
+        None for the time where it never recovers; None for both without samples beside the loss.
+    """
+    before = (t <= lost) & (t >= lost - BEFORE_S * NS)
+    after = (t >= back) & (t <= until)
+    if not before.any() or not after.any():
+        return None, None
+    y = fit_poses(truth[before], estimate[before])
+    t, error = t[after], (y @ estimate[after]).p - truth[after].p
+    beside = t <= t[0] + BESIDE_S * NS
+    offset = float(np.linalg.norm(error[beside].mean(axis=0)))
+    off = np.flatnonzero(np.linalg.norm(error, axis=1) > RECOVERED_M)
+    # It may have recovered at the first sample, or after each that is off; it holds until the next.
+    starts = np.concatenate(([0], off + 1))
+    ends = np.concatenate((off, [len(t) - 1]))
+    for start, end in zip(starts, ends, strict=True):
+        if start <= end and t[end] - t[start] >= HELD_S * NS:
+            return float(t[start] - lost) / NS, offset
+    return None, offset
+
+
+def of_take(take: ScoredTake) -> Iterator[Value]:
+    """Times and offsets over all losses; the longest time is unknown if one never recovers."""
+    try:
+        times, offsets = _all(take)
+    except EstimationError as error:
+        for name, unit in UNITS.items():
+            yield absent(name, unit, str(error), statistic="max", point="eye")
+        return
+    never = sum(time is None for time in times)
+    if never:
+        reason = f"{never} of {len(times)} losses never recovered to {MM * RECOVERED_M:g} mm"
+        yield absent("recovery.time", "s", reason, statistic="max", point="eye")
+    else:
+        seconds = np.array(times, dtype=np.float64)
+        yield from summarise("recovery.time", seconds, "s", point="eye", only=SHOWN)
+    yield from summarise("recovery.offset", MM * np.array(offsets), "mm", point="eye", only=SHOWN)
+
+
+def _all(take: ScoredTake) -> tuple[list[float | None], list[float]]:
+    good_t = np.unique(take.samples.pose_t[take.samples.good])
+    found = losses(good_t)
+    if not found:
+        raise EstimationError("tracking was never lost")
+    eye = next(under(take, Transform.identity()))
+    untils = [lost for lost, _ in found[1:]] + [int(good_t[-1])]
+    times: list[float | None] = []
+    offsets: list[float] = []
+    for (lost, back), until in zip(found, untils, strict=True):
+        time, offset = recovery(take.estimate.t, eye.truth, eye.estimate, lost, back, until)
+        if offset is not None:
+            times.append(time)
+            offsets.append(offset)
+    if not offsets:
+        raise EstimationError("there is no reference beside the losses of tracking")
+    return times, offsets
+
+
+FAMILY = Family(
+    name="recovery",
+    title="How long after a loss of tracking the pose is right again, and how far off it is",
+    units=UNITS,
+    of_take=of_take,
+    needs=frozenset({"x"}),
+)

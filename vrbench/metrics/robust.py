@@ -1,0 +1,35 @@
+"""Slopes that a few bad samples do not move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vrbench.errors import EstimationError
+from vrbench.geometry import Floats
+
+GROUPS = 300
+
+
+def theil_sen(x: Floats, y: Floats) -> float:
+    """The median of the slopes between all pairs of points (Theil, 1950; Sen, 1968).
+
+    More than `GROUPS` points are first reduced to the medians of that many groups of neighbours in
+    x, so that the work stays in proportion to the number of points.
+
+    Args:
+        x: where (n,).
+        y: what (n,).
+
+    Raises:
+        EstimationError: x doesn't take two different values.
+    """
+    if len(x) > GROUPS:
+        order = np.argsort(x, kind="stable")
+        groups = np.array_split(order, GROUPS)
+        x, y = (np.array([np.median(values[group]) for group in groups]) for values in (x, y))
+    first, second = np.triu_indices(len(x), k=1)
+    run = x[second] - x[first]
+    keep = run != 0.0
+    if not keep.any():
+        raise EstimationError("a slope needs samples at two different places")
+    return float(np.median((y[second] - y[first])[keep] / run[keep]))
