@@ -279,20 +279,20 @@ ROS = Axes(up="z", forward="x")
 
 
 def unity_to_openxr(pose: Transform) -> Transform:
-    """p = (x, y, -z), q = (-x, -y, z, w)."""
+    """Maps to p = (x, y, -z), q = (-x, -y, z, w)."""
     return UNITY.to_openxr(pose)
 
 
 def unreal_to_openxr(pose: Transform) -> Transform:
-    """p = (Y, Z, -X) / 100, q = (-y, -z, x, w)."""
+    """Maps to p = (Y, Z, -X) / 100, q = (-y, -z, x, w)."""
     return UNREAL.to_openxr(pose)
 
 
 def openxr_to_ros(pose: Transform) -> Transform:
-    """p = (-z, -x, y), q = (-z, -x, y, w)."""
+    """Maps to p = (-z, -x, y), q = (-z, -x, y, w)."""
     return ROS.from_openxr(pose)
 
 
 def unity_to_ros(pose: Transform) -> Transform:
-    """p = (z, -x, y), q = (-z, x, -y, w)."""
+    """Maps to p = (z, -x, y), q = (-z, x, -y, w)."""
     return ROS.from_openxr(UNITY.to_openxr(pose))
