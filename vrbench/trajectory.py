@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,7 +117,9 @@ def read_tum(path: Path) -> Trajectory:
             quaternion far from unit length, stamps that do not increase.
     """
     try:
-        rows = np.loadtxt(path, comments="#", ndmin=2)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*input contained no data")
+            rows = np.loadtxt(path, comments="#", ndmin=2)
     except OSError as error:
         raise DataError("can't be read", file=path, fix=str(error)) from error
     except ValueError as error:

@@ -43,6 +43,14 @@ class Session:
     stage: Any = None
 
 
+class Operator(Protocol):
+    """Who does by hand what no device does: a person at the terminal, or a simulated one."""
+
+    def remount(self, mount: int) -> None:
+        """Takes the headset off and fixes it again, the mount-th time."""
+        ...
+
+
 class PoseSource(Protocol):
     """A device that sends poses. Entered, it is connected; left, it is released."""
 

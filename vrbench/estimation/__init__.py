@@ -1,1 +1,1 @@
-"""When and where: clocks, trimming, hand-eye, alignment; pure functions."""
+"""When and where: clock, trimming, hand-eye, spatio-temporal fit, alignment. Pure functions."""

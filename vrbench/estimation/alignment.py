@@ -1,72 +1,93 @@
-"""Alignment of two sets of corresponding points by one rigid transform."""
+"""Alignment: the rigid transform or similarity that lays one set of points onto another."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from vrbench.errors import EstimationError
+from vrbench.estimation.checks import require_finite, require_finite_rows
 from vrbench.geometry import Floats, Transform, matrix_to_quat, quat_to_matrix
 
 
 def align(reference_p: Floats, estimate_p: Floats) -> Transform:
-    """The SE(3) transform that brings the estimate's points closest to the reference's.
+    """The transform T that minimises the sum of |reference - T estimate|^2, points (n, 3) [m].
 
-    Umeyama, Least-squares estimation of transformation parameters between two point patterns,
-    1991, without scale.
-
-    Args:
-        reference_p: points (n, 3) [m].
-        estimate_p: the same points (n, 3) [m] in the estimate's frame.
-
-    Returns:
-        `T_reference_estimate`: maps the estimate's coordinates into the reference's.
+    Umeyama (1991) without scale: what evo does for `-a`.
 
     Raises:
-        EstimationError: fewer than three points, or all of them on one line.
+        EstimationError: as `umeyama_scale`.
     """
-    if len(reference_p) < 3:
-        raise EstimationError(
-            f"{len(reference_p)} poses do not determine an alignment", fix="at least three"
-        )
-    reference_mean, estimate_mean = reference_p.mean(axis=0), estimate_p.mean(axis=0)
-    covariance = (reference_p - reference_mean).T @ (estimate_p - estimate_mean)
-    u, d, vt = np.linalg.svd(covariance / len(reference_p))
-    if d[1] <= np.finfo(np.float64).eps * max(d[0], 1e-30) or d[0] == 0.0:
-        raise EstimationError(
-            "the positions lie on one line and do not determine an alignment",
-            fix="a motion in at least two directions",
-        )
-    sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    rotation = u @ np.diag([1.0, 1.0, sign]) @ vt
-    return Transform(reference_mean - rotation @ estimate_mean, matrix_to_quat(rotation))
+    rotation, _ = _umeyama(reference_p, estimate_p)
+    p = reference_p.mean(axis=0) - rotation @ estimate_p.mean(axis=0)
+    return Transform(p, matrix_to_quat(rotation))
 
 
 def umeyama_scale(reference_p: Floats, estimate_p: Floats) -> float:
     """The scale of the best similarity from estimate to reference, points (n, 3): ref / est.
 
     Raises:
-        EstimationError: as `align`.
+        EstimationError: fewer than 3 points, shapes that differ, values not finite, or points
+            that lie in one place or on one line.
     """
-    turned = align(reference_p, estimate_p).apply(estimate_p)
-    turned, fixed = turned - turned.mean(axis=0), reference_p - reference_p.mean(axis=0)
-    # At the best rotation, which scale doesn't change, the best scale is a plain regression.
-    return float(np.sum(fixed * turned) / np.sum(turned * turned))
+    return _umeyama(reference_p, estimate_p)[1]
 
 
-def align_poses(reference: Transform, estimate: Transform, *, lever_m: float) -> Transform:
+def align_poses(reference: Transform, estimate: Transform, *, lever_m: float = 0.0) -> Transform:
     """The transform T that makes T @ estimate (n,) closest to reference (n,).
 
-    The mean of |dp|^2 + lever_m^2 |dR - 1|_F^2 / 2 is least: a rotation error of 1 rad weighs like
-    a position error of `lever_m` metres. An orthogonal Procrustes problem over both (Kabsch, 1976).
+    With `lever_m` = 0 it is `align` of the positions. Otherwise the mean of
+    |dp|^2 + lever_m^2 |dR - 1|_F^2 / 2 is least: a rotation error of 1 rad weighs like a position
+    error of `lever_m` metres.
 
     Raises:
-        EstimationError: there are no poses.
+        EstimationError: fewer than 3 poses (positions only), values not finite, or poses that
+            leave the rotation open.
     """
-    if len(reference) == 0:
-        raise EstimationError("no poses to fit a frame on")
-    p, p_estimate = reference.p.mean(axis=0), estimate.p.mean(axis=0)
+    require_finite(reference, "reference")
+    require_finite(estimate, "estimate")
+    if lever_m == 0.0:
+        return align(reference.p, estimate.p)
+    cross = _cross_covariance(reference.p, estimate.p)
+    # the rotations enter like three points each, at their columns
     turned = np.einsum("nij,nkj->ik", quat_to_matrix(reference.q), quat_to_matrix(estimate.q))
-    both = (reference.p - p).T @ (estimate.p - p_estimate) + 0.5 * lever_m**2 * turned
-    u, _, vt = np.linalg.svd(both)
-    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
-    return Transform(p - rotation @ p_estimate, matrix_to_quat(rotation))
+    cross = cross + 0.5 * lever_m**2 * turned / len(reference)
+    rotation, _ = _nearest_rotation(cross)
+    p = reference.p.mean(axis=0) - rotation @ estimate.p.mean(axis=0)
+    return Transform(p, matrix_to_quat(rotation))
+
+
+def _umeyama(reference_p: Floats, estimate_p: Floats) -> tuple[Floats, float]:
+    """Rotation (3, 3) and scale of Umeyama's similarity."""
+    if reference_p.shape != estimate_p.shape or reference_p.shape[1:] != (3,):
+        raise EstimationError(
+            f"points of shape {reference_p.shape} against {estimate_p.shape}", fix="(n, 3) both"
+        )
+    if len(reference_p) < 3:
+        raise EstimationError(
+            f"only {len(reference_p)} points to align", fix="at least 3 are needed"
+        )
+    require_finite_rows(reference_p, "reference", "position")
+    require_finite_rows(estimate_p, "estimate", "position")
+    rotation, trace = _nearest_rotation(_cross_covariance(reference_p, estimate_p))
+    spread = ((estimate_p - estimate_p.mean(axis=0)) ** 2).sum() / len(estimate_p)
+    return rotation, float(trace / spread)
+
+
+def _cross_covariance(reference_p: Floats, estimate_p: Floats) -> Floats:
+    centred_r = reference_p - reference_p.mean(axis=0)
+    centred_e = estimate_p - estimate_p.mean(axis=0)
+    cross: Floats = centred_r.T @ centred_e / len(reference_p)
+    return cross
+
+
+def _nearest_rotation(cross: Floats) -> tuple[Floats, float]:
+    """The rotation R (3, 3) that maximises trace(R^T cross), and that trace."""
+    u, d, vt = np.linalg.svd(cross)
+    if d[1] <= 1e-9 * d[0] or d[0] == 0.0:
+        raise EstimationError(
+            "the points lie in one place or on one line: the rotation is open",
+            fix="use a motion that leaves the line",
+        )
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
+    rotation: Floats = (u * sign) @ vt
+    return rotation, float(d @ sign)

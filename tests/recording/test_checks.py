@@ -1,0 +1,110 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vrbench.errors import DataError
+from vrbench.geometry import quat_normalize
+from vrbench.recording.checks import imported_poses, increasing
+
+FILE = Path("made-up.log")
+stamps = st.lists(st.integers(0, 30), min_size=1, max_size=12).map(
+    lambda values: np.array(values, dtype=np.int64)
+)
+
+
+def poses(n):
+    rng = np.random.default_rng(n)
+    return rng.normal(size=(n, 3)), quat_normalize(rng.normal(size=(n, 4)))
+
+
+def longest_by_trying_all(t):
+    best = [1] * len(t)
+    for i in range(len(t)):
+        best[i] = 1 + max((best[j] for j in range(i) if t[j] < t[i]), default=0)
+    return max(best)
+
+
+@given(stamps)
+def test_what_is_kept_increases_and_is_the_most_that_can(t):
+    try:
+        keep = increasing(t, file=FILE)
+    except DataError:
+        assert len(t) - longest_by_trying_all(t) > 1
+    else:
+        assert np.all(np.diff(t[keep]) > 0)
+        assert np.all(np.diff(keep) > 0)
+        assert len(keep) == longest_by_trying_all(t)
+
+
+def test_of_a_stamp_that_repeats_the_first_is_kept():
+    assert increasing(np.array([1, 2, 2, 3]), file=FILE).tolist() == [0, 1, 3]
+
+
+def test_one_stamp_far_ahead_costs_one_pose_and_not_all_that_follow():
+    t = np.arange(100) * 10
+    t[40] = 10**9
+    assert increasing(t, file=FILE).tolist() == [*range(40), *range(41, 100)]
+
+
+@pytest.mark.parametrize(("n", "allowed"), [(10, 1), (999, 1), (5000, 5)])
+def test_one_pose_in_a_thousand_may_be_dropped_and_not_more(n, allowed):
+    t = np.arange(n) * 1000
+    t[1 : 1 + allowed] = 0
+    assert len(increasing(t, file=FILE)) == n - allowed
+    t[1 : 2 + allowed] = 0
+    with pytest.raises(DataError, match=f"repeat at {allowed + 1} of {n} places, first at pose 2"):
+        increasing(t, file=FILE)
+
+
+def test_a_clock_set_back_is_refused_with_how_far_it_went():
+    t = np.arange(7200) * 13_888_889
+    t[4000:] -= 2_000_000_000
+    with pytest.raises(
+        DataError, match=r"first at line 4001, by up to 1\.986 s.*cut the recording"
+    ):
+        increasing(t, file=FILE, row="line")
+
+
+@pytest.mark.parametrize("bad", [5, 9])
+def test_a_dropped_pose_is_recorded_wherever_it_stood(bad):
+    p, q = poses(10)
+    t = np.arange(10, dtype=np.int64)
+    t[bad] = t[bad - 1]
+    imported = imported_poses(t, p, q, file=FILE, receive_t=t + 100, row="message")
+    assert imported.repairs == (
+        f"1 message dropped, whose stamps repeat or go back (first: message {bad + 1})",
+    )
+    others = np.delete(np.arange(10), bad)
+    np.testing.assert_array_equal(imported.samples.pose.p, p[others])
+    np.testing.assert_array_equal(imported.samples.receive_t, t[others] + 100)
+
+
+def test_signs_of_quaternions_are_made_continuous():
+    p, q = poses(1)
+    q = np.repeat(q, 6, axis=0) * np.array([1, -1, -1, 1, -1, 1])[:, None]
+    imported = imported_poses(np.arange(6), np.repeat(p, 6, axis=0), q, file=FILE)
+    np.testing.assert_allclose(imported.samples.pose.q, np.repeat(q[:1], 6, axis=0), atol=1e-15)
+    assert imported.repairs == ()
+
+
+def test_no_poses_are_refused():
+    p, q = poses(0)
+    with pytest.raises(DataError, match=r"made-up\.log: holds no poses"):
+        imported_poses(np.zeros(0, dtype=np.int64), p, q, file=FILE)
+
+
+def test_a_position_that_is_not_finite_is_refused_by_its_row():
+    p, q = poses(5)
+    p[3, 1] = np.inf
+    with pytest.raises(DataError, match="position of line 4 is not finite"):
+        imported_poses(np.arange(5), p, q, file=FILE, row="line")
+
+
+def test_a_quaternion_far_from_unit_length_is_refused_by_its_row():
+    p, q = poses(5)
+    q[2] *= 1.5
+    with pytest.raises(DataError, match=r"quaternion of pose 3 has length 1\.5"):
+        imported_poses(np.arange(5), p, q, file=FILE)

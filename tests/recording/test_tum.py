@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from vrbench.errors import DataError
+from vrbench.recording.importer import NoOptions
+from vrbench.recording.importers.tum import IMPORTER
+
+
+def test_rows_become_samples_with_one_time_each(tmp_path):
+    path = tmp_path / "head.tum"
+    path.write_text("# t x y z qx qy qz qw\n0.5 1 2 3 0 0 0 1\n0.75 4 5 6 0 0 0 -1\n")
+    samples = IMPORTER.read(path, NoOptions()).samples
+    for t in (samples.source_t, samples.pose_t, samples.receive_t):
+        np.testing.assert_array_equal(t, [500_000_000, 750_000_000])
+    np.testing.assert_array_equal(samples.pose.p, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(samples.pose.q, [[0, 0, 0, 1]] * 2)
+    assert samples.good.all()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "holds no poses"),
+        ("# only a comment\n", "holds no poses"),
+        ("0 1 2 3 0 0 0\n", "rows have 7 columns"),
+        ("0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0\n", "is not TUM text"),
+        ("0 1 2 3 0 0 zero 1\n", "is not TUM text"),
+        ("0 1 2 nan 0 0 0 1\n", "position of pose 1 is not finite"),
+        ("0 1 2 3 0 0 0 2\n", "quaternion of pose 1 has length 2"),
+        ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "stamps do not increase at pose 2"),
+    ],
+)
+def test_bad_rows_give_one_error_that_names_the_file(tmp_path, text, says):
+    path = tmp_path / "head.tum"
+    path.write_text(text)
+    with pytest.raises(DataError, match=rf"head\.tum: .*{says}"):
+        IMPORTER.read(path, NoOptions())
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"none\.tum: can't be read"):
+        IMPORTER.read(tmp_path / "none.tum", NoOptions())

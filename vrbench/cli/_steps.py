@@ -1,0 +1,73 @@
+"""What several verbs do: record a suite, evaluate runs, with progress on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vrbench.cli._tables import bar
+
+if TYPE_CHECKING:
+    from vrbench.plugin.manager import Plugins
+    from vrbench.results.bundle import Bundle
+    from vrbench.results.tables import Row
+
+PROTOCOL = "vrbench-1"
+
+
+class _Bar:
+    """Shows a run's progress: the take, its poses by stream, and the whole."""
+
+    def __init__(self, tell: Any) -> None:
+        self._tell = tell
+        self._name, self._index, self._total = "", 0, 1
+
+    def take(self, name: str, index: int, total: int) -> None:
+        self._name, self._index, self._total = name, index, total
+        self._tell(name, index / total)
+
+    def moving(self, received: Mapping[str, int], done: float) -> None:
+        counts = ", ".join(f"{stream} {n}" for stream, n in received.items())
+        self._tell(f"{self._name}  {counts}", (self._index + done) / self._total)
+
+
+def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bundle:
+    """Records a suite on a rig."""
+    from vrbench.config.rig import load_rig
+    from vrbench.config.suite import load_suite
+    from vrbench.plugin.manager import Plugins
+    from vrbench.results.bundle import default_folder
+    from vrbench.runner import record_suite
+
+    plugins = Plugins()
+    suite = load_suite(suite_name, dict(plugins.suites))
+    rig = load_rig(rig_name)
+    folder = output or default_folder(suite.suite, rig.headset.model)
+    with bar(f"record {suite.label} on {rig.headset.model}") as tell:
+        return record_suite(suite, rig, rig_name, folder, plugins, seed=seed, watcher=_Bar(tell))
+
+
+def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) -> list[Row]:
+    """Evaluates a run by a protocol."""
+    from vrbench.evaluation import evaluate
+    from vrbench.plugin.manager import Plugins, pick
+    from vrbench.protocols.vrbench_1 import PROTOCOL as VRBENCH_1
+
+    plugins = plugins or Plugins()
+    protocols = {VRBENCH_1.name: VRBENCH_1}
+    chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
+    families = [
+        pick(plugins.metrics, name, "metric", field="metrics", file=str(bundle.folder))
+        for name in bundle.record.resolved_suite().metrics
+    ]
+    with bar(f"evaluate {bundle.folder.name}") as tell:
+        return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total))
+
+
+def show_runs(bundles: Sequence[Bundle]) -> None:
+    """Says where bundles are, and what to do next."""
+    for bundle in bundles:
+        click.echo(f"run: {bundle.folder}")

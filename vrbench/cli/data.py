@@ -1,0 +1,48 @@
+"""`vrbench data`: published recordings."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+
+@click.group()
+def command() -> None:
+    """Published recordings: which are there, and which files are missing."""
+
+
+@command.command("list")
+def list_() -> None:
+    """List the files of known datasets and of the shipped recordings that use them.
+
+    Files are looked for below the folder that VRBENCH_DATA names, and their sha256 is checked.
+    """
+    from vrbench.cli._tables import show_table
+    from vrbench.config.recordings import STREAMS, load_recordings
+    from vrbench.config.shipped import shipped_files
+    from vrbench.recording import datasets
+
+    altered = False
+    states: dict[str, dict[str, str]] = {}
+    for dataset in datasets.DATASETS.values():
+        files = datasets.status(dataset.name)
+        states[dataset.name] = {file.path: file.state.value for file in files}
+        altered |= "altered" in states[dataset.name].values()
+        show_table(
+            f"{dataset.name}: {dataset.title}\n{dataset.licence}, doi {dataset.doi}",
+            ["file", "state"],
+            list(states[dataset.name].items()),
+        )
+        if set(states[dataset.name].values()) != {"present"}:
+            click.echo(f"To have all of it: {dataset.how_to_get}.")
+    rows = []
+    for name, path in shipped_files("recordings").items():
+        recordings = load_recordings(path)
+        sources = [getattr(take, stream) for take in recordings.takes for stream in STREAMS]
+        wanted = {source.path.as_posix() for source in sources if source is not None}
+        there = states.get(recordings.dataset or "", {})
+        lacking = sorted(file for file in wanted if there.get(file) != "present")
+        rows.append([name, "ready" if not lacking else "lacks " + ", ".join(lacking)])
+    show_table("Shipped recordings, for `vrbench import NAME`", ["name", "state"], rows)
+    sys.exit(1 if altered else 0)

@@ -1,0 +1,59 @@
+"""`vrbench suite`: what can be run."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.group()
+def command() -> None:
+    """Suites: list, show and check them."""
+
+
+@command.command("list")
+def list_() -> None:
+    """List the suites there are, by name and version."""
+    from vrbench.cli._tables import show_table
+    from vrbench.config.suite import load_suite
+    from vrbench.plugin.manager import Plugins
+
+    others = dict(Plugins().suites)
+    rows = []
+    for name in others:
+        suite = load_suite(name, others)
+        takes = sum(1 for _ in suite.schedule())
+        rows.append([suite.label, suite.title, str(takes), ", ".join(suite.metrics)])
+    show_table("Suites", ["suite", "title", "takes ", "metrics"], rows)
+
+
+@command.command("show")
+@click.argument("suite")
+def show(suite: str) -> None:
+    """Print SUITE with all it extends resolved, its digest, and its takes in order."""
+    import yaml
+
+    from vrbench.config.suite import load_suite
+    from vrbench.plugin.manager import Plugins
+
+    found = load_suite(suite, dict(Plugins().suites))
+    click.echo(yaml.safe_dump(found.canonical(), sort_keys=False).rstrip())
+    click.echo(f"# digest: {found.digest}")
+    for step in found.schedule():
+        click.echo(f"# take: {step.name}, {found.motions[step.case.motion]}")
+
+
+@command.command("check")
+@click.argument("suite")
+def check(suite: str) -> None:
+    """Say whether SUITE, a file or a name, can be run: its fields, motions and metrics."""
+    from vrbench.config.suite import load_suite
+    from vrbench.motion.generators import generate
+    from vrbench.plugin.manager import Plugins, pick
+
+    plugins = Plugins()
+    found = load_suite(suite, dict(plugins.suites))
+    for motion in found.motions.values():
+        generate(motion)
+    for metric in found.metrics:
+        pick(plugins.metrics, metric, "metric", field="metrics", file=suite)
+    click.echo(f"{found.label} is sound: {sum(1 for _ in found.schedule())} takes")

@@ -1,0 +1,1 @@
+"""The YAML files that users write: suites, rigs, recordings."""

@@ -1,0 +1,96 @@
+"""Recordings that exist already: which file is which stream of which case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from vrbench.config.suite import Name
+from vrbench.config.yaml_file import load_model
+
+STREAMS = ("headset", "robot", "mocap")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Source(BaseModel):
+    """A file and its format; all further keys are the importer's options."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    format: str
+    path: Path
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
+
+
+class DeviceFacts(_Strict):
+    """What the recordings were made with."""
+
+    headset: Name
+    firmware: str = "unknown"
+    logger: str = "unknown"
+    logger_version: str = "unknown"
+    prediction: str = "unknown"
+
+
+class RecordedTake(_Strict):
+    """One take: its place in the suite, and a file for each stream."""
+
+    case: Name
+    mount: int = Field(1, ge=1)
+    repeat: int = Field(1, ge=1)
+    motion: str | None = None
+    speed: float = Field(1.0, gt=0.0, le=10.0)
+    headset: Source
+    robot: Source | None = None
+    mocap: Source | None = None
+
+    @model_validator(mode="after")
+    def _has_reference(self) -> RecordedTake:
+        if self.robot is None and self.mocap is None:
+            raise ValueError("no reference: give robot or mocap")
+        return self
+
+
+class Recordings(_Strict):
+    """A recordings file."""
+
+    suite: str
+    dataset: Name | None = None
+    lab: str = Field(min_length=1)
+    device: DeviceFacts
+    sitting: str = "1"
+    takes: tuple[RecordedTake, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Recordings:
+        places = [(take.case, take.mount, take.repeat) for take in self.takes]
+        for place in places:
+            if places.count(place) > 1:
+                raise ValueError(
+                    "two takes are case {} mount {} repeat {}".format(*place)
+                    + ": give mount or repeat"
+                )
+        for case in {take.case for take in self.takes}:
+            if len({(t.motion, t.speed) for t in self.takes if t.case == case}) > 1:
+                raise ValueError(
+                    f"takes of case {case} differ in motion or speed, which makes them no repeats: "
+                    "write a recordings file for each"
+                )
+        return self
+
+
+def load_recordings(path: Path) -> Recordings:
+    """A recordings file.
+
+    Raises:
+        ConfigError: no such file, or the file is wrong.
+    """
+    return load_model(path, Recordings)

@@ -1,0 +1,93 @@
+"""Rigs: which devices, where; the lab's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from vrbench.config.yaml_file import load_model
+from vrbench.errors import ConfigError
+from vrbench.geometry import Transform
+
+SIMULATED = "sim"
+FIRST_SIMULATED = "quest-2"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _unit(q: tuple[float, ...]) -> tuple[float, ...]:
+    length = float(np.linalg.norm(q))
+    if abs(length - 1.0) > 1e-2:
+        raise ValueError(f"a unit quaternion x, y, z, w; this one has length {length:.4g}")
+    return q
+
+
+class Pose(_Strict):
+    """A rigid transform as people write it."""
+
+    p_m: tuple[float, float, float]
+    q_xyzw: Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
+
+    def transform(self) -> Transform:
+        return Transform.of(self.p_m, self.q_xyzw)
+
+
+class DeviceChoice(_Strict):
+    """A plugin's device and its options, which the plugin itself validates."""
+
+    plugin: str
+    options: dict[str, Any] = {}
+
+
+class HeadsetChoice(DeviceChoice):
+    """The route by which poses come, and the model that is ranked."""
+
+    device: str | None = None
+    firmware: str = "unknown"
+
+    @property
+    def model(self) -> str:
+        """The name of the ranked model."""
+        return self.device or self.plugin
+
+
+class Mounting(_Strict):
+    """Nominal mounting: plans use it; scoring uses what calibration measures."""
+
+    tcp_eye: Pose = Pose(p_m=(0.003, 0.087, 0.276), q_xyzw=(0.70710678, 0.0, 0.0, 0.70710678))
+
+
+class Rig(_Strict):
+    """A lab's devices."""
+
+    lab: str = Field(min_length=1)
+    headset: HeadsetChoice
+    robot: DeviceChoice | None = None
+    mocap: DeviceChoice | None = None
+    mounting: Mounting = Mounting()
+    environment: dict[str, Any] = {}
+
+
+def load_rig(name: str) -> Rig:
+    """A rig file by its path, or a simulated rig: `sim`, `sim:quest-pro`.
+
+    Raises:
+        ConfigError: no such file, or the file is wrong.
+    """
+    kind, _, device = name.partition(":")
+    if kind == SIMULATED:
+        return Rig(
+            lab="simulated",
+            headset=HeadsetChoice(plugin=SIMULATED, device=device or FIRST_SIMULATED),
+            robot=DeviceChoice(plugin=SIMULATED),
+        )
+    if not Path(name).is_file():
+        raise ConfigError(
+            "no such rig file", file=name, fix="a path to a .yaml file, or sim:DEVICE"
+        )
+    return load_model(Path(name), Rig)

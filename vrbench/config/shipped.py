@@ -1,0 +1,39 @@
+"""Files that come with vrbench: suites and recordings, found by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from vrbench.errors import ConfigError
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def shipped_folder(kind: str) -> Path:
+    """The folder `suites` or `recordings`: in the wheel, or beside a checkout's package."""
+    inside = _PACKAGE / kind
+    return inside if inside.is_dir() else _PACKAGE.parent / kind
+
+
+def shipped_files(kind: str) -> dict[str, Path]:
+    """Shipped files of a kind, by name."""
+    return {path.stem: path for path in sorted(shipped_folder(kind).glob("*.yaml"))}
+
+
+def find_file(kind: str, name: str, others: dict[str, Path] | None = None) -> Path:
+    """A file by its path, or by its name among the shipped ones and `others`.
+
+    Raises:
+        ConfigError: neither a file nor a known name.
+    """
+    known = {**shipped_files(kind), **(others or {})}
+    if name in known:
+        return known[name]
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        if path.is_file():
+            return path
+        raise ConfigError("no such file", file=path)
+    raise ConfigError(
+        f"no {kind} file or name is {name!r}", fix=f"a path to a .yaml file, or {', '.join(known)}"
+    )

@@ -1,0 +1,189 @@
+"""Suites: what to run and report, versioned and free of devices."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from vrbench.config.quantity import Angle, Duration, Fraction, Length
+from vrbench.config.shipped import find_file
+from vrbench.config.yaml_file import load_model, load_yaml, validate
+from vrbench.errors import ConfigError
+
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+Need = Literal["x", "clock", "y"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Case(_Strict):
+    """One motion of a suite, and how it is to be run."""
+
+    id: Name
+    motion: Name
+    role: Literal["calibration", "scored"] = "scored"
+    repeats: int = Field(1, ge=1, le=1000)
+    remounts: int = Field(0, ge=0, le=100)
+    speed: float = Field(1.0, gt=0.0, le=10.0)
+    needs: tuple[Need, ...] = ()
+    anchor: Duration | None = Field(None, gt=0.0)
+
+
+class Gate(_Strict):
+    """What a calibration must satisfy for the takes of its mount to count."""
+
+    handeye_translation: Length = Field(0.015, alias="handeye.translation", gt=0.0)
+    handeye_rotation: Angle = Field(0.00873, alias="handeye.rotation", gt=0.0)
+    max_age: Duration = Field(3600.0, gt=0.0)
+    bracket: Length = Field(0.001, gt=0.0)
+
+
+class Rank(_Strict):
+    """The one number devices are ranked by."""
+
+    metric: str
+    point: Literal["eye", "tcp", "body"] = "eye"
+    statistic: str = "rmse"
+    min_coverage: Fraction = Field(0.95, ge=0.0, le=1.0)
+
+
+class Suite(_Strict):
+    """A suite, with all it extends resolved into it."""
+
+    suite: Name
+    version: int = Field(ge=1)
+    title: str
+    mover: Literal["robot", "person", "none"] = "robot"
+    references: tuple[Literal["robot", "mocap"], ...] = Field(("robot",), min_length=1)
+    motions: dict[Name, str]
+    cases: tuple[Case, ...] = Field(min_length=1)
+    metrics: tuple[str, ...] = Field(min_length=1)
+    gate: Gate = Gate()
+    rank: Rank
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Suite:
+        ids = [case.id for case in self.cases]
+        twice = {name for name in ids if ids.count(name) > 1}
+        if twice:
+            raise ValueError(f"two cases are called {', '.join(sorted(twice))}")
+        for case in self.cases:
+            if case.motion not in self.motions:
+                known = ", ".join(self.motions)
+                raise ValueError(
+                    f"case {case.id} moves by {case.motion!r}, but motions has {known}"
+                )
+            if "x" in case.needs and not self.calibrations:
+                raise ValueError(f"case {case.id} needs x, but no case has role: calibration")
+        return self
+
+    @property
+    def label(self) -> str:
+        """Name and version, `gameplay-replay@1`."""
+        return f"{self.suite}@{self.version}"
+
+    @property
+    def calibrations(self) -> tuple[Case, ...]:
+        return tuple(case for case in self.cases if case.role == "calibration")
+
+    def case(self, name: str) -> Case:
+        """The case of this id.
+
+        Raises:
+            ConfigError: the suite has no such case.
+        """
+        for case in self.cases:
+            if case.id == name:
+                return case
+        known = ", ".join(case.id for case in self.cases)
+        raise ConfigError(
+            f"suite {self.label} has no case {name!r}", field="case", fix=f"there are {known}"
+        )
+
+    def canonical(self) -> dict[str, Any]:
+        """The suite in JSON's types and SI units, as bundles keep it."""
+        return self.model_dump(mode="json", by_alias=True)
+
+    @property
+    def digest(self) -> str:
+        """sha256 of the resolved suite as canonical JSON, titles left out."""
+        content = {key: value for key, value in self.canonical().items() if key != "title"}
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        return sha256(text.encode()).hexdigest()
+
+    def schedule(self) -> Iterator[Step]:
+        """What is recorded, in order: each mount is opened and closed by the calibrations."""
+        scored = [case for case in self.cases if case.role == "scored"]
+        for mount in range(1, 2 + max(case.remounts for case in self.cases)):
+            for case in self.calibrations:
+                yield Step(case, mount, 1)
+            for case in scored:
+                if mount <= case.remounts + 1:
+                    for repeat in range(1, case.repeats + 1):
+                        yield Step(case, mount, repeat)
+            for case in self.calibrations:
+                yield Step(case, mount, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One take that a suite asks for."""
+
+    case: Case
+    mount: int
+    repeat: int
+
+    @property
+    def name(self) -> str:
+        """The take's name: `<case>.<condition>.m<mount>.r<repeat>`."""
+        return f"{self.case.id}.default.m{self.mount}.r{self.repeat}"
+
+
+def load_suite(name: str, others: dict[str, Path] | None = None) -> Suite:
+    """A suite by path, by name, or by name and version, `gameplay-replay@1`.
+
+    Args:
+        name: the path or name.
+        others: suite files of plugins, by name.
+
+    Raises:
+        ConfigError: no such suite or version, or the file is wrong.
+    """
+    bare, _, version = name.partition("@") if not Path(name).is_file() else (name, "", "")
+    path = find_file("suites", bare, others)
+    suite = _resolve(path, others or {}, ())
+    if version and str(suite.version) != version:
+        raise ConfigError(
+            f"version {version} is not there",
+            file=path,
+            field="version",
+            fix=f"it is {suite.label}",
+        )
+    return suite
+
+
+def _resolve(path: Path, others: dict[str, Path], below: tuple[Path, ...]) -> Suite:
+    content = load_yaml(path)
+    if "extends" not in content:
+        return load_model(path, Suite)
+    if path in below:
+        raise ConfigError("extends itself", file=path, field="extends")
+    name, _, version = str(content.pop("extends")).partition("@")
+    base_path = find_file("suites", name, others)
+    base = _resolve(base_path, others, (*below, path))
+    if str(base.version) != version:
+        raise ConfigError(
+            f"extends {name}@{version or '?'}",
+            file=path,
+            field="extends",
+            fix=f"name a version that is there: {base.label}",
+        )
+    return validate({**base.canonical(), **content}, Suite, path)

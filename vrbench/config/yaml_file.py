@@ -1,0 +1,155 @@
+"""YAML read with care: every error names file, line and field, and what would be right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from vrbench.errors import ConfigError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML as people mean it: 12:30 and 2024-01-31 and `on` stay text, a key stands once."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"the key {key.value!r} stands twice", problem_mark=key.start_mark
+                )
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_PLAIN = {"tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:int", "tag:yaml.org,2002:bool"}
+_Loader.yaml_implicit_resolvers = {
+    letter: [(tag, pattern) for tag, pattern in pairs if tag not in _PLAIN]
+    for letter, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789")
+)
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF")
+)
+
+
+def load_yaml(path: Path) -> dict[str, Any]:
+    """The mapping that a YAML file holds.
+
+    Raises:
+        ConfigError: no such file, not text, not YAML, a key twice, not a mapping.
+    """
+    content, _ = _parse(path)
+    return content
+
+
+def load_model(path: Path, model: type[Model]) -> Model:
+    """The file's content as a validated model.
+
+    Raises:
+        ConfigError: as `load_yaml`, and for every field that is unknown, missing or wrong.
+    """
+    content, root = _parse(path)
+    return validate(content, model, path, root)
+
+
+def validate(
+    content: object, model: type[Model], path: str | Path, root: yaml.Node | None = None
+) -> Model:
+    """Content as a model; errors name the file `path`, and lines where `root` is given.
+
+    Raises:
+        ConfigError: a field is unknown, missing or wrong.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        first = problems[0]
+        loc = first["loc"]
+        more = f"; {len(problems) - 1} more after it" if len(problems) > 1 else ""
+        raise ConfigError(
+            first["msg"].removeprefix("Value error, ") + _found(first) + more,
+            file=f"{path}{_line(root, loc)}",
+            field=".".join(str(part) for part in loc) or None,
+            fix=_fix(first["type"], loc, model),
+        ) from None
+
+
+def _parse(path: Path) -> tuple[dict[str, Any], yaml.Node]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError("no such file", file=path) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError("can't be read as text", file=path, fix=str(error)) from None
+    try:
+        root = yaml.compose(text, _Loader)
+        content = yaml.load(text, _Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
+        raise ConfigError(f"not YAML: {error.problem}", file=f"{path}{place}") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"not YAML: {error}", file=path) from None
+    if root is None or not isinstance(content, dict):
+        raise ConfigError("holds no fields", file=path, fix="the file is a YAML mapping")
+    return content, root
+
+
+def _found(problem: Any) -> str:
+    value = problem.get("input")
+    if problem["type"] in ("missing", "extra_forbidden") or isinstance(value, dict | list):
+        return ""
+    return f"; found {value!r}"
+
+
+def _line(root: yaml.Node | None, loc: Sequence[int | str]) -> str:
+    """`:line:column` of the field, or of the innermost thing on the way to it."""
+    if root is None:
+        return ""
+    node, mark = root, root.start_mark
+    for part in loc:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((k, v) for k, v in node.value if k.value == str(part)), None)
+            if found is None:
+                break
+            mark, node = found[0].start_mark, found[1]
+        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int):
+            node = node.value[part]
+            mark = node.start_mark
+    return f":{mark.line + 1}:{mark.column + 1}"
+
+
+def _fix(kind: str, loc: Sequence[int | str], model: type[BaseModel]) -> str | None:
+    """For an unknown field, the fields there are."""
+    if kind != "extra_forbidden":
+        return None
+    owner: Any = model
+    for part in loc[:-1]:
+        if isinstance(part, str) and isinstance(owner, type) and issubclass(owner, BaseModel):
+            info = owner.model_fields.get(part)
+            owner = _model_in(info.annotation) if info else None
+    if isinstance(owner, type) and issubclass(owner, BaseModel):
+        return "fields are " + ", ".join(owner.model_fields)
+    return None
+
+
+def _model_in(annotation: Any) -> Any:
+    """The pydantic model in an annotation like `list[Case]` or `Gate | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for inner in getattr(annotation, "__args__", ()):
+        found = _model_in(inner)
+        if found is not None:
+            return found
+    return None

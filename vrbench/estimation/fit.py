@@ -1,0 +1,340 @@
+"""The spatio-temporal fit: offset, skew, X, Y and scale in one robust least-squares problem."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrbench.clocks import ClockMap
+from vrbench.errors import EstimationError
+from vrbench.estimation.blocks import block_covariance
+from vrbench.estimation.checks import require_poses
+from vrbench.estimation.excitation import check_excitation
+from vrbench.estimation.handeye import solve_world
+from vrbench.estimation.interpolation import PoseSpline
+from vrbench.estimation.model import PARAMETERS, Model, State
+from vrbench.estimation.robust import cauchy, scale_of
+from vrbench.geometry import (
+    Bools,
+    Floats,
+    Ints,
+    Transform,
+    quat_multiply,
+    quat_rotate,
+    rotvec_to_quat,
+)
+from vrbench.trajectory import NS, Trajectory
+
+MINIMUM_POSES = 50
+LONG_TAKE_S = 600.0
+SKEW_PRIOR = 50e-6
+CAUCHY_CUT = 4.0
+MAX_ITERATIONS = 60
+# Samples this close to the reference's ends and gaps are left out: the offset moves them.
+MARGIN_NS = 20_000_000
+BIN_S = 0.1
+# Steps are held to where the linearisation is good.
+LARGEST_STEP = {"offset": 0.05, "skew": 1e-3, "r": 0.2, "p": 0.5, "scale": 0.1}
+WORST_OFFSET_SIGMA_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The result of `fit`; what was not free is what was given.
+
+    Attributes:
+        clock: from the estimate's clock to the reference's.
+        x: `T_tcp_eye`.
+        y: `T_base_world`, right about the mean eye position whether or not the scale is applied.
+        scale: factor on the eye's positions about `scale_centre` that fits the reference; ref/est.
+        scale_centre: the mean eye position (3,) [m], in `world`.
+        names: the free parameters (k,): `offset` [s] and `skew` [s/s] at the middle of the
+            samples, `x.rx` .. (rotation vector [rad] in `eye`), `x.px` .. ([m] in `tcp`),
+            `y.rx` .. ([rad] in `base`), `y.px` .. ([m] in `base`), `scale`.
+        covariance: of those (k, k), from blocks of `block_s`.
+        block_s: how long the residuals stay correlated, as a block length [s].
+        t: stamps of the samples used (n,) [ns], on the estimate's clock.
+        translation: residuals (n, 3) [m] at the eye in `base`: estimate minus reference.
+        rotation: residuals (n, 3) [rad], rotation vectors in `eye`.
+    """
+
+    clock: ClockMap
+    x: Transform
+    y: Transform
+    scale: float
+    scale_centre: Floats
+    names: tuple[str, ...]
+    covariance: Floats
+    block_s: float
+    t: Ints
+    translation: Floats
+    rotation: Floats
+
+    def sigma(self, name: str) -> float:
+        """The standard deviation of one free parameter."""
+        index = self.names.index(name)
+        return float(np.sqrt(self.covariance[index, index]))
+
+    def draw_x(self, rng: np.random.Generator, count: int) -> Transform:
+        """X redrawn (count,) from its covariance, for bootstraps.
+
+        Raises:
+            ValueError: X was not free.
+        """
+        if "x.rx" not in self.names:
+            raise ValueError("X was not fitted here, so it has no covariance")
+        first = self.names.index("x.rx")
+        part = self.covariance[first : first + 6, first : first + 6]
+        d = rng.multivariate_normal(np.zeros(6), part, size=count, method="eigh")
+        return Transform(self.x.p + d[:, 3:], quat_multiply(self.x.q, rotvec_to_quat(d[:, :3])))
+
+
+def fit(
+    reference: Trajectory | PoseSpline,
+    estimate: Trajectory,
+    *,
+    clock: ClockMap,
+    x: Transform,
+    y: Transform | None = None,
+    free: Collection[str] = ("offset", "y"),
+    max_offset_change_s: float = 0.5,
+) -> Fit:
+    """The parameters in `free` that bring `T_base_tcp(t) X` and `Y T_world_eye(t')` together.
+
+    Positions and rotations are weighed by their own scales, each by Cauchy's loss; both come from
+    the data. Under ten minutes a free skew has the prior 0 +- 50 ppm.
+
+    Args:
+        reference: the tcp's poses, or a spline made of them.
+        estimate: the eye's poses.
+        clock: where the clock starts, from `estimate_clock`.
+        x: where X starts, or X itself if it is not free.
+        y: where Y starts; from `solve_world` if not given.
+        free: of `offset`, `skew`, `x`, `y`, `scale`. A calibration frees all but the skew, a
+            scored take `offset` and `y`.
+        max_offset_change_s: how far the offset may move from `clock` [s].
+
+    Raises:
+        EstimationError: values not finite, fewer than 50 poses within the reference, a motion that
+            does not determine what is free, no convergence.
+        ValueError: an unknown name in `free`, or none.
+    """
+    names = _names(free)
+    spline = reference if isinstance(reference, PoseSpline) else PoseSpline(reference)
+    require_poses(estimate, "estimate", MINIMUM_POSES)
+    used = estimate[_covered(spline, estimate, clock)]
+    tcp = spline.at(clock.to_reference(used.t))
+    if "x" in free:
+        check_excitation(tcp.q)
+    start = solve_world(tcp, used.pose, x) if y is None else y
+    model = Model(spline, clock, used, names)
+    state = State(0.0, 0.0, x, start.q, start.apply(model.mean_p), 1.0)
+    prior = _skew_prior(model, clock, used)
+    state, normal = _iterate(model, state, prior)
+    covariance, length = normal.covariance(model)
+    if prior is not None:
+        # The samples are not independent, so the data's information is smaller than it looks,
+        # and the prior's share must grow accordingly.
+        k = names.index("skew")
+        prior = prior.weighed(covariance[k, k] / normal.bread[k, k])
+        state, normal = _iterate(model, state, prior)
+        covariance, length = normal.covariance(model)
+    _refuse_undetermined(names, covariance, state, max_offset_change_s)
+    return _result(model, clock, state, normal, covariance, length * BIN_S, used)
+
+
+def _names(free: Collection[str]) -> tuple[str, ...]:
+    unknown = set(free) - set(PARAMETERS)
+    if unknown or not free:
+        raise ValueError(f"free must be some of {', '.join(PARAMETERS)}, not {sorted(unknown)}")
+    return tuple(name for group in PARAMETERS if group in free for name in PARAMETERS[group])
+
+
+def _covered(spline: PoseSpline, estimate: Trajectory, clock: ClockMap) -> Bools:
+    covered = spline.covers(clock.to_reference(estimate.t), MARGIN_NS)
+    if covered.sum() < MINIMUM_POSES:
+        raise EstimationError(
+            f"only {covered.sum()} of {len(estimate)} poses lie within the reference's time",
+            field="estimate",
+            fix=f"at least {MINIMUM_POSES} are needed; check the clock",
+        )
+    return covered
+
+
+@dataclass(frozen=True, slots=True)
+class _Prior:
+    """A Gaussian prior on the correction of the skew: mean [s/s] and information."""
+
+    mean: float
+    information: float
+    inflation: float = 1.0
+
+    def weighed(self, inflation: float) -> _Prior:
+        return _Prior(self.mean, self.information, max(inflation, 1.0))
+
+
+def _skew_prior(model: Model, clock: ClockMap, used: Trajectory) -> _Prior | None:
+    if "skew" not in model.names or used.duration_s >= LONG_TAKE_S:
+        return None
+    ends = clock.offset_ns(used.t[[0, -1]])
+    return _Prior(-float(np.diff(ends)[0] / np.diff(used.t[[0, -1]])[0]), SKEW_PRIOR**-2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Normal:
+    """The weighted normal equations at a state."""
+
+    bread: Floats
+    gradient: Floats
+    scores: Floats
+    prior_score: Floats
+    translation: Floats
+    rotation: Floats
+
+    def covariance(self, model: Model) -> tuple[Floats, int]:
+        covariance, length = block_covariance(self.bread, self.scores)
+        pulled = self.bread @ self.prior_score
+        return covariance + np.outer(pulled, pulled), length
+
+
+def _iterate(model: Model, state: State, prior: _Prior | None) -> tuple[State, _Normal]:
+    """Gauss-Newton with weights renewed at every step."""
+    limits = np.array([LARGEST_STEP.get(n, LARGEST_STEP.get(n[2:3], 0.0)) for n in model.names])
+    for _ in range(MAX_ITERATIONS):
+        normal = _normal_equations(model, state, prior)
+        step = -normal.bread @ normal.gradient
+        largest = float(np.max(np.abs(step) / limits))
+        sigmas = np.sqrt(np.diag(normal.bread))
+        if np.all(np.abs(step) < 1e-4 * sigmas):
+            return state, normal
+        state = state.moved(model.names, step / max(largest, 1.0))
+    raise EstimationError(
+        f"the fit did not converge in {MAX_ITERATIONS} steps",
+        fix="are clock, X and both streams of the same recording?",
+    )
+
+
+def _normal_equations(model: Model, state: State, prior: _Prior | None) -> _Normal:
+    translation, rotation = model.residuals(state)
+    weights = [_weights(translation), _weights(rotation)]
+    k = len(model.names)
+    matrix, gradient = np.zeros((k, k)), np.zeros(k)
+    bins = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
+    scores = np.zeros((int(bins[-1]) + 1, k))
+    for part in model.chunks():
+        residual_p, residual_r, d_p, d_r = model.linearised(state, part)
+        each = np.zeros((len(residual_p), k))
+        for residual, derivative, weight in (
+            (residual_p, d_p, weights[0][part]),
+            (residual_r, d_r, weights[1][part]),
+        ):
+            on = np.flatnonzero(weight)
+            d = derivative[on]
+            weighted = d * weight[on, None, None]
+            matrix += weighted.reshape(-1, k).T @ d.reshape(-1, k)
+            each[on] += np.einsum("nik,ni->nk", weighted, residual[on])
+        gradient += each.sum(axis=0)
+        np.add.at(scores, bins[part], each)
+    prior_score = np.zeros(k)
+    if prior is not None:
+        i = model.names.index("skew")
+        information = prior.information * prior.inflation
+        matrix[i, i] += information
+        gradient[i] += information * (state.skew - prior.mean)
+        prior_score[i] = prior.inflation * np.sqrt(prior.information)
+    bread = _inverse(matrix, model.names)
+    return _Normal(bread, gradient, scores, prior_score, translation, rotation)
+
+
+def _weights(residual: Floats) -> Floats:
+    """Weights (n,) of residuals (n, 3) by Cauchy's loss, in units of 1 / variance."""
+    lengths = np.linalg.norm(residual, axis=1)
+    known = np.isfinite(lengths)
+    if not known.any():
+        raise EstimationError("the fit left the reference's time", fix="check the clock")
+    scale = scale_of(lengths[known])
+    return np.where(known, cauchy(np.where(known, lengths, 0.0), scale, CAUCHY_CUT), 0.0) / scale**2
+
+
+def _inverse(matrix: Floats, names: tuple[str, ...]) -> Floats:
+    """The inverse of the normal matrix (k, k).
+
+    Raises:
+        EstimationError: it is singular; the message names the parameter left open.
+    """
+    diagonal = np.diag(matrix)
+    if np.all(diagonal > 0.0):
+        root = 1.0 / np.sqrt(diagonal)
+        values, vectors = np.linalg.eigh(matrix * np.outer(root, root))
+        if values[0] > 1e-10:
+            inverse: Floats = (vectors / values) @ vectors.T * np.outer(root, root)
+            return inverse
+        open_name = names[int(np.argmax(np.abs(vectors[:, 0])))]
+    else:
+        open_name = names[int(np.argmin(diagonal))]
+    raise EstimationError(
+        f"the motion leaves {open_name} open", fix="more motion, or fewer free parameters"
+    )
+
+
+def _refuse_undetermined(
+    names: tuple[str, ...], covariance: Floats, state: State, max_offset_change_s: float
+) -> None:
+    if "offset" not in names:
+        return
+    sigma = float(np.sqrt(covariance[0, 0]))
+    if sigma > WORST_OFFSET_SIGMA_S:
+        raise EstimationError(
+            f"the motion determines the offset to +- {sigma:.2g} s only", fix="more motion"
+        )
+    if abs(state.offset) > max_offset_change_s:
+        raise EstimationError(
+            f"the offset moved by {state.offset:.3f} s from where it started",
+            fix=f"it may move by {max_offset_change_s:g} s; check the clock",
+        )
+
+
+def _result(
+    model: Model,
+    clock: ClockMap,
+    state: State,
+    normal: _Normal,
+    covariance: Floats,
+    block_s: float,
+    used: Trajectory,
+) -> Fit:
+    lever = quat_rotate(state.y_q, model.mean_p)
+    to_y = np.eye(len(model.names))
+    if "y.rx" in model.names:
+        # inside, Y turns about the mean eye position; y.p is the place of the world's origin:
+        # dp = dc - a x (R_y p_mean)
+        i = model.names.index("y.rx")
+        to_y[i + 3 : i + 6, i : i + 3] = _cross(lever)
+    return Fit(
+        clock=_corrected(clock, state, model.middle_ns),
+        x=state.x,
+        y=Transform(state.centre - lever, state.y_q),
+        scale=state.scale,
+        scale_centre=model.mean_p,
+        names=model.names,
+        covariance=to_y @ covariance @ to_y.T,
+        block_s=block_s,
+        t=used.t,
+        translation=normal.translation,
+        rotation=normal.rotation,
+    )
+
+
+def _corrected(clock: ClockMap, state: State, middle_ns: int) -> ClockMap:
+    """The initial clock with its offset and slope corrected."""
+    knots = clock.knots
+    if len(knots) == 1:
+        knots = np.array([middle_ns, middle_ns + NS], dtype=np.int64)
+    offsets = clock.offset_ns(knots) + state.offset * NS + state.skew * (knots - middle_ns)
+    return ClockMap(knots, offsets)
+
+
+def _cross(v: Floats) -> Floats:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

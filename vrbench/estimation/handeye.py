@@ -1,0 +1,243 @@
+"""Hand-eye and robot-world calibration: X and Y of `T_base_tcp X = Y T_world_eye`, in O(n)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrbench.errors import EstimationError
+from vrbench.estimation.checks import require_finite
+from vrbench.estimation.excitation import Excitation, check_excitation
+from vrbench.estimation.robust import bisquare, soft_l1
+from vrbench.geometry import (
+    Bools,
+    Floats,
+    Transform,
+    matrix_to_quat,
+    quat_angle,
+    quat_multiply,
+    quat_to_matrix,
+    relative_angle,
+)
+
+MINIMUM_POSES = 20
+_SOFT_ROUNDS, _ROUNDS = 8, 20
+# Rotations that agree no better than this after the solve share no motion at all.
+UNRELATED_RAD = np.radians(15.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandEye:
+    """The solution of `T_base_tcp X = Y T_world_eye`.
+
+    Attributes:
+        x: `T_tcp_eye`.
+        y: `T_base_world`.
+        translation_residual_m: root mean square over the inliers of the distance between
+            `T_base_tcp X` and `Y T_world_eye` [m]: an error of the eye's position in `base`.
+        rotation_residual_rad: the same of the angle between them [rad].
+        inliers: which poses (n,) the solution rests on.
+        excitation: how far the tcp turned.
+    """
+
+    x: Transform
+    y: Transform
+    translation_residual_m: float
+    rotation_residual_rad: float
+    inliers: Bools
+    excitation: Excitation
+
+
+def solve_handeye(T_base_tcp: Transform, T_world_eye: Transform) -> HandEye:
+    """X and Y from poses (n,) at the same times; robust to some 20 % of outliers.
+
+    Rotations by the singular vectors of the sum of Kronecker products (Shah, 2013), then
+    translations by linear least squares; both reweighted until the outliers no longer count.
+
+    Raises:
+        EstimationError: fewer than 20 poses, values not finite, too little rotation
+            (`check_excitation`), a mirrored stream, orientations that are inverse or unrelated.
+    """
+    if len(T_base_tcp) != len(T_world_eye):
+        raise ValueError(f"{len(T_base_tcp)} poses of the tcp for {len(T_world_eye)} of the eye")
+    if len(T_base_tcp) < MINIMUM_POSES:
+        raise EstimationError(
+            f"only {len(T_base_tcp)} pairs of poses", fix=f"at least {MINIMUM_POSES} are needed"
+        )
+    require_finite(T_base_tcp, "T_base_tcp")
+    require_finite(T_world_eye, "T_world_eye")
+    excitation = check_excitation(T_base_tcp.q)
+    A, E = quat_to_matrix(T_base_tcp.q), quat_to_matrix(T_world_eye.q)
+    rx, ry, w_rotation = _solve_rotations(A, E)
+    _refuse_unrelated(A, E, rx, ry, w_rotation)
+    px, py, w_translation = _solve_translations(A, T_base_tcp.p, T_world_eye.p @ ry.T, w_rotation)
+    _refuse_mirrored(A, T_base_tcp.p, T_world_eye.p, (px, py, ry), w_translation)
+    x, y = Transform(px, matrix_to_quat(rx)), Transform(py, matrix_to_quat(ry))
+    inliers = (w_rotation > 0.0) & (w_translation > 0.0)
+    translation, rotation = residuals(T_base_tcp[inliers], T_world_eye[inliers], x, y)
+    return HandEye(
+        x,
+        y,
+        float(np.sqrt(np.mean(translation**2))),
+        float(np.sqrt(np.mean(rotation**2))),
+        inliers,
+        excitation,
+    )
+
+
+def solve_world(T_base_tcp: Transform, T_world_eye: Transform, x: Transform) -> Transform:
+    """Y = `T_base_world` where X = `T_tcp_eye` is known; robust as `solve_handeye`.
+
+    Rotation and position are found apart, so a motion without any rotation will do.
+
+    Raises:
+        EstimationError: fewer than 3 poses, values not finite.
+    """
+    if len(T_base_tcp) < 3:
+        raise EstimationError(f"only {len(T_base_tcp)} pairs of poses", fix="at least 3 are needed")
+    require_finite(T_base_tcp, "T_base_tcp")
+    require_finite(T_world_eye, "T_world_eye")
+    target = T_base_tcp @ x
+    E = quat_to_matrix(T_world_eye.q)
+    B = quat_to_matrix(target.q)
+    weights = np.ones(len(E))
+    for k in range(_ROUNDS):
+        ry = _project(np.einsum("n,nij,nkj->ik", weights, B, E))
+        angle = relative_angle(target.q, quat_multiply(matrix_to_quat(ry), T_world_eye.q))
+        weights = soft_l1(angle) if k < _SOFT_ROUNDS else bisquare(angle)
+    offset = target.p - T_world_eye.p @ ry.T
+    py = np.median(offset, axis=0)
+    for _ in range(_ROUNDS):
+        weights = bisquare(np.linalg.norm(offset - py, axis=1))
+        py = weights @ offset / weights.sum()
+    return Transform(py, matrix_to_quat(ry))
+
+
+def residuals(
+    T_base_tcp: Transform, T_world_eye: Transform, x: Transform, y: Transform
+) -> tuple[Floats, Floats]:
+    """Distances (n,) [m] and angles (n,) [rad] between `T_base_tcp X` and `Y T_world_eye`."""
+    left, right = T_base_tcp @ x, y @ T_world_eye
+    return np.linalg.norm(left.p - right.p, axis=1), relative_angle(left.q, right.q)
+
+
+def paper_residual(
+    T_base_tcp: Transform, T_world_eye: Transform, x: Transform
+) -> tuple[float, float]:
+    """The hand-eye error of Banaszczyk et al. (2024): mean distance [m] and mean angle [rad].
+
+    Of D_i = (X U_0^-1 U_i X^-1)^-1 (O_0^-1 O_i), U the eye's and O the tcp's poses: relative to
+    the first pose, at the tcp, on the recording X came from.
+    """
+    eye = x @ (T_world_eye[0].inverse() @ T_world_eye) @ x.inverse()
+    d = eye.inverse() @ (T_base_tcp[0].inverse() @ T_base_tcp)
+    return float(np.mean(np.linalg.norm(d.p, axis=1))), float(np.mean(quat_angle(d.q)))
+
+
+def _solve_rotations(A: Floats, E: Floats) -> tuple[Floats, Floats, Floats]:
+    """R_x, R_y (3, 3) with A_i R_x = R_y E_i, and the weights (n,) of the pairs."""
+    n = len(A)
+    flat_a, flat_e = A.reshape(n, 9), E.reshape(n, 9)
+    weights = np.ones(n)
+    for k in range(_ROUNDS):
+        # sum of w A_ij E_kl, ordered so that it maps vec(R_x), index (j, l), to vec(R_y), (i, k)
+        products = (flat_a * weights[:, None]).T @ flat_e
+        kron = products.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
+        u, _, vt = np.linalg.svd(kron)
+        rx, ry = _project(vt[0].reshape(3, 3)), _project(u[:, 0].reshape(3, 3))
+        error = _angles(A @ rx, ry @ E)
+        weights = soft_l1(error) if k < _SOFT_ROUNDS else bisquare(error)
+    return rx, ry, weights
+
+
+def _solve_translations(
+    A: Floats, p_tcp: Floats, p_eye: Floats, weights: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """p_x, p_y with A_i p_x + p_tcp = p_eye + p_y (p_eye turned into base), and weights (n,)."""
+    from_rotation = weights
+    design = np.concatenate((A, np.broadcast_to(-np.eye(3), A.shape)), axis=2)
+    right = p_eye - p_tcp
+    for k in range(_ROUNDS):
+        solution = _weighted_lstsq(design, right, weights)
+        error = np.linalg.norm(design @ solution - right, axis=1)
+        weights = soft_l1(error) if k < _SOFT_ROUNDS else bisquare(error)
+        weights = weights * (from_rotation > 0.0)
+    return solution[:3], solution[3:], weights
+
+
+def _weighted_lstsq(design: Floats, right: Floats, weights: Floats) -> Floats:
+    """The solution (k,) of design (n, 3, k) x = right (n, 3) by normal equations."""
+    k = design.shape[2]
+    rows, values = design.reshape(-1, k), right.reshape(-1)
+    weighted = rows * np.repeat(weights, 3)[:, None]
+    # the pseudo-inverse: without rotation about one axis p_x and p_y share a direction
+    solution: Floats = np.linalg.pinv(weighted.T @ rows, rcond=1e-12) @ (weighted.T @ values)
+    return solution
+
+
+def _refuse_unrelated(A: Floats, E: Floats, rx: Floats, ry: Floats, weights: Floats) -> None:
+    """Raises EstimationError where no X and Y bring the rotations together."""
+    error = float(np.median(_angles(A @ rx, ry @ E)))
+    if error < UNRELATED_RAD:
+        return
+    inverse_x, inverse_y, _ = _solve_rotations(A, np.swapaxes(E, 1, 2))
+    inverse = float(np.median(_angles(A @ inverse_x, inverse_y @ np.swapaxes(E, 1, 2))))
+    if inverse < 0.2 * error:
+        raise EstimationError(
+            "the eye's orientations are inverse: T_eye_world instead of T_world_eye, or the "
+            "quaternion's vector part has the wrong sign",
+            fix="convert the headset's poses at their import",
+        )
+    raise EstimationError(
+        f"the orientations do not follow the reference's: {np.degrees(error):.1f} deg apart in "
+        f"the median for the best mounting ({np.mean(weights > 0):.0%} of poses agree)",
+        fix="check the clock, the order of the quaternion and that both streams are of one motion",
+    )
+
+
+def _refuse_mirrored(
+    A: Floats,
+    p_tcp: Floats,
+    p_eye: Floats,
+    solution: tuple[Floats, Floats, Floats],
+    weights: Floats,
+) -> None:
+    """Raises EstimationError where the eye's positions fit only through a mirror.
+
+    A frame mirrored as a whole leaves rotations consistent, so the test is whether a free linear
+    map of the positions fits far better than the rotation, and mirrors.
+    """
+    px, py, ry = solution
+    rigid = np.median(np.linalg.norm(A @ px + p_tcp - p_eye @ ry.T - py, axis=1))
+    n = len(A)
+    centred = p_eye - p_eye.mean(axis=0)
+    mapped = np.zeros((n, 3, 15))
+    mapped[:, :, :3] = A
+    mapped[:, :, 3:6] = -np.eye(3)
+    for i in range(3):
+        mapped[:, i, 6 + 3 * i : 9 + 3 * i] = -centred
+    for k in range(_ROUNDS):
+        weights = np.ones(n) if k == 0 else soft_l1(error)
+        free = _weighted_lstsq(mapped, -p_tcp, weights)
+        error = np.linalg.norm(mapped @ free + p_tcp, axis=1)
+    stretch = np.linalg.svd(free[6:].reshape(3, 3), compute_uv=False)
+    mirrors = np.linalg.det(free[6:].reshape(3, 3)) < 0.0
+    if mirrors and stretch[2] > 0.5 and stretch[0] < 2.0 and np.median(error) < 0.2 * rigid:
+        raise EstimationError(
+            "the eye's poses are mirrored: they fit only in a left-handed frame",
+            fix="convert the headset's poses to a right-handed frame at their import",
+        )
+
+
+def _project(m: Floats) -> Floats:
+    """The rotation (3, 3) nearest to a multiple, of either sign, of m."""
+    m = m * np.sign(np.linalg.det(m))
+    u, _, vt = np.linalg.svd(m)
+    return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+
+
+def _angles(a: Floats, b: Floats) -> Floats:
+    """Angles (n,) [rad] between rotation matrices (n, 3, 3), from the chord: exact when small."""
+    chord = np.sqrt(np.einsum("nij,nij->n", a - b, a - b))
+    return 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))

@@ -1,0 +1,169 @@
+"""Imports: recordings that exist already -> takes in a bundle."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from vrbench.config.recordings import STREAMS, RecordedTake, Recordings, Source, load_recordings
+from vrbench.config.shipped import find_file
+from vrbench.config.suite import Case, Suite, load_suite
+from vrbench.errors import ConfigError, DataError
+from vrbench.motion.generators import GENERATORS, generate
+from vrbench.motion.motion import digest_of_name
+from vrbench.plugin.manager import Plugins, check_options, pick
+from vrbench.recording import datasets
+from vrbench.recording.importer import Imported
+from vrbench.recording.take import TakeWriter
+from vrbench.results.bundle import (
+    Bundle,
+    DeviceRecord,
+    RunRecord,
+    TakeRecord,
+    default_folder,
+    file_digest,
+    utc_now,
+    versions,
+)
+from vrbench.streams import Columns, Event, Samples
+
+# What each stream is called in a take.
+TAKE_STREAMS = {"headset": "headset/eye", "robot": "robot/tcp", "mocap": "mocap/body"}
+# Told of each take as it begins: its name, its place in the list, how many there are.
+Tell = Callable[[str, int, int], None]
+
+
+def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Tell) -> Bundle:
+    """A bundle of the takes that a recordings file lists.
+
+    Args:
+        name: path of the file, or the name of a shipped one.
+        folder: the new bundle's folder; one below `runs` where None.
+        plugins: for their importers and suites.
+        tell: told of each take as it begins.
+
+    Raises:
+        ConfigError: the recordings file, the suite, a format or an option is wrong, or the
+            folder exists.
+        DataError: a file is missing or isn't what it should be. No folder is left behind.
+    """
+    path = find_file("recordings", name)
+    recordings = load_recordings(path)
+    suite = load_suite(recordings.suite, dict(plugins.suites))
+    cases = [_case_of(take, suite, path) for take in recordings.takes]
+    folder = folder or default_folder(suite.suite, recordings.device.headset)
+    record = RunRecord(
+        kind="imported",
+        created=utc_now().isoformat(),
+        suite=suite.canonical(),
+        suite_digest=suite.digest,
+        lab=recordings.lab,
+        sitting=recordings.sitting,
+        device=DeviceRecord(**recordings.device.model_dump()),
+        references=_references(recordings, suite, path),
+        versions=versions(plugins.versions()),
+    )
+    inputs = {"recordings.yaml": path.read_text(encoding="utf-8")}
+    bundle = Bundle.create(folder, record, inputs)
+    try:
+        for index, (take, case) in enumerate(zip(recordings.takes, cases, strict=True)):
+            where = f"takes.{index}"
+            tell(_take_name(take), index, len(cases))
+            _import_take(bundle, take, case, suite, recordings, path, plugins, where)
+        bundle.finish()
+    except BaseException:
+        # The sources are still there: half an import is worth nothing.
+        shutil.rmtree(folder)
+        raise
+    return bundle
+
+
+def _case_of(take: RecordedTake, suite: Suite, path: Path) -> Case:
+    try:
+        return suite.case(take.case)
+    except ConfigError as error:
+        raise ConfigError(error.what, file=path, field="takes.case", fix=error.fix) from None
+
+
+def _references(recordings: Recordings, suite: Suite, path: Path) -> list[str]:
+    """The suite's references that every take has."""
+    there: list[str] = [
+        name
+        for name in suite.references
+        if all(getattr(take, name) is not None for take in recordings.takes)
+    ]
+    if not there:
+        wanted = " or ".join(suite.references)
+        raise ConfigError(
+            f"suite {suite.label} needs {wanted} in every take", file=path, field="takes"
+        )
+    return there
+
+
+def _take_name(take: RecordedTake) -> str:
+    return f"{take.case}.default.m{take.mount}.r{take.repeat}"
+
+
+def _import_take(
+    bundle: Bundle,
+    take: RecordedTake,
+    case: Case,
+    suite: Suite,
+    recordings: Recordings,
+    path: Path,
+    plugins: Plugins,
+    where: str,
+) -> None:
+    poses: dict[str, Samples] = {}
+    repairs: list[str] = []
+    for name in STREAMS:
+        source: Source | None = getattr(take, name)
+        if source is not None:
+            imported = _read(source, recordings, path, plugins, f"{where}.{name}")
+            poses[TAKE_STREAMS[name]] = imported.samples
+            repairs += [f"{name}: {repair}" for repair in imported.repairs]
+    motion = take.motion or suite.motions[case.motion]
+    record = TakeRecord(
+        file=f"takes/{_take_name(take)}.mcap",
+        sha256="",
+        case=case.id,
+        mount=take.mount,
+        repeat=take.repeat,
+        role=case.role,
+        motion=motion,
+        motion_digest=generate(motion).digest if motion in GENERATORS else digest_of_name(motion),
+        speed=take.speed,
+        repairs=repairs,
+    )
+    metadata = {
+        "case": case.id,
+        "motion": motion,
+        "motion_digest": record.motion_digest,
+        "stretch": f"{1 / take.speed:.9g}",
+        "logger": recordings.device.logger,
+        "prediction": recordings.device.prediction,
+    }
+    begin = min(int(samples.receive_t[0]) for samples in poses.values())
+    events = [Event(begin, "repair", {"what": repair}) for repair in repairs]
+    take_path = bundle.take_path(_take_name(take))
+    with TakeWriter(take_path, metadata) as writer:
+        writer.write(Columns(poses, events=events))
+    record.sha256 = file_digest(take_path)
+    bundle.add(record)
+
+
+def _read(
+    source: Source, recordings: Recordings, path: Path, plugins: Plugins, where: str
+) -> Imported:
+    importer = pick(
+        plugins.importers, source.format, "format", field=f"{where}.format", file=str(path)
+    )
+    options = check_options(source.options, importer.options, field=where, file=str(path))
+    if recordings.dataset is not None:
+        file = datasets.find_file(recordings.dataset, source.path.as_posix())
+    else:
+        file = path.parent / source.path
+    if not file.exists():
+        raise DataError("no such file", file=file, field=f"{path}: {where}.path")
+    return importer.read(file, options)

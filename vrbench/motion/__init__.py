@@ -1,0 +1,1 @@
+"""Motions: head trajectories that are replayed, as versioned files and generators."""

@@ -1,0 +1,1 @@
+"""Protocols: named, versioned chains of estimators that score takes."""

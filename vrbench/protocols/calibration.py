@@ -1,0 +1,167 @@
+"""Calibrations of a mount: what each found, when they can be believed, and how far they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrbench.geometry import Floats, Transform, mean_rotation, relative_angle
+from vrbench.trajectory import NS
+
+# How far outside a calibration's box, or from its nearest rotation, a motion may go. Positions
+# within a centimetre are the same place; rotations of a sampled calibration stand some degrees
+# apart.
+BOX_MARGIN_M = 0.01
+ROTATION_MARGIN_RAD = float(np.radians(15.0))
+KEPT_POSES = 500
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """Where the headset sits, found from one calibration take.
+
+    Attributes:
+        take: the take's name.
+        x: `T_tcp_eye`.
+        y: `T_base_world`, good until the headset recentres.
+        translation_residual_m: root mean square of the held residual at the eye [m].
+        rotation_residual_rad: the same of the rotation [rad].
+        start: first and
+        end: last time used, on the reference's clock [ns].
+        tcp: poses `T_base_tcp` it was made of, thinned to at most 500.
+    """
+
+    take: str
+    x: Transform
+    y: Transform
+    translation_residual_m: float
+    rotation_residual_rad: float
+    start: int
+    end: int
+    tcp: Transform
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a calibration must keep to; SI units."""
+
+    translation_m: float
+    rotation_rad: float
+    max_age_s: float
+    bracket_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How the takes that rest on a calibration count: `ok`, or why not."""
+
+    status: str = "ok"
+    reason: str = ""
+
+
+def thinned(tcp: Transform) -> Transform:
+    """At most `KEPT_POSES` of the poses, evenly."""
+    return tcp[:: max(1, -(-len(tcp) // KEPT_POSES))]
+
+
+def mean_x(calibrations: Sequence[Calibration]) -> Transform:
+    """The mean of the calibrations' X: of translations, and chordal of rotations."""
+    return Transform(
+        np.mean([c.x.p for c in calibrations], axis=0),
+        mean_rotation(np.array([c.x.q for c in calibrations])),
+    )
+
+
+def gate(
+    calibrations: Sequence[Calibration], start: int, end: int, tcp: Transform, limits: Limits
+) -> Verdict:
+    """Whether a take from start to end [ns], with poses `T_base_tcp` tcp (n,), may rest on these.
+
+    Args:
+        calibrations: of the take's mount, without the take itself.
+        start: the take's first time, on the reference's clock [ns].
+        end: its last.
+        tcp: its poses.
+        limits: of the suite's gate.
+    """
+    if not calibrations:
+        return Verdict("invalid", "no calibration in this mount")
+    for c in calibrations:
+        if c.translation_residual_m > limits.translation_m:
+            return Verdict(
+                "invalid",
+                f"calibration {c.take} leaves {c.translation_residual_m * 1e3:.2f} mm, "
+                f"the gate is {limits.translation_m * 1e3:g} mm",
+            )
+        if c.rotation_residual_rad > limits.rotation_rad:
+            return Verdict(
+                "invalid",
+                f"calibration {c.take} leaves {np.degrees(c.rotation_residual_rad):.3f} deg, "
+                f"the gate is {np.degrees(limits.rotation_rad):.3g} deg",
+            )
+    age = min(max(start - c.end, c.start - end, 0) for c in calibrations) / NS
+    if age > limits.max_age_s:
+        return Verdict(
+            "invalid",
+            f"the nearest calibration is {age / 60:.0f} min away, "
+            f"the gate is {limits.max_age_s / 60:g} min",
+        )
+    before = [c for c in calibrations if c.end <= start]
+    after = [c for c in calibrations if c.start >= end]
+    apart = max(
+        (float(np.linalg.norm(a.x.p - b.x.p)) for a in calibrations for b in calibrations),
+        default=0.0,
+    )
+    if apart > limits.bracket_m:
+        return Verdict(
+            "invalid",
+            f"the mount's calibrations differ by {apart * 1e3:.2f} mm, "
+            f"the gate is {limits.bracket_m * 1e3:g} mm",
+        )
+    notes = []
+    status = "ok"
+    if not (before and after):
+        status = "unbracketed"
+        notes.append("no calibration " + ("after" if before else "before"))
+    beyond = excursion(Transform.concatenate(c.tcp for c in calibrations), tcp)
+    if beyond.any_outside:
+        status = "extrapolated"
+        notes.append(str(beyond))
+    return Verdict(status, "; ".join(notes))
+
+
+@dataclass(frozen=True, slots=True)
+class Excursion:
+    """How far a motion leaves what was calibrated.
+
+    Attributes:
+        share: part of the poses outside the box or away from all rotations, 0..1.
+        distance_m: farthest outside the box, along one axis [m].
+        angle_rad: farthest from the nearest calibrated rotation [rad].
+    """
+
+    share: float
+    distance_m: float
+    angle_rad: float
+
+    @property
+    def any_outside(self) -> bool:
+        return self.share > 0.0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.share * 100:.0f} % of the motion lies outside the calibration: "
+            f"by {self.distance_m * 1e3:.0f} mm, {np.degrees(self.angle_rad):.0f} deg"
+        )
+
+
+def excursion(calibrated: Transform, tcp: Transform) -> Excursion:
+    """How far poses tcp (n,) leave the box and the rotations of poses calibrated (m,)."""
+    tcp = thinned(tcp)
+    low, high = calibrated.p.min(axis=0), calibrated.p.max(axis=0)
+    distance: Floats = np.maximum(np.maximum(low - tcp.p, tcp.p - high), 0.0).max(axis=1)
+    angle = relative_angle(tcp.q[:, None], calibrated.q[None]).min(axis=1)
+    outside = (distance > BOX_MARGIN_M) | (angle > ROTATION_MARGIN_RAD)
+    return Excursion(float(outside.mean()), float(distance.max()), float(angle.max()))

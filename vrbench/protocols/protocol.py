@@ -1,0 +1,72 @@
+"""What a protocol is: a named, versioned chain of estimators that scores takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol as Interface
+
+from vrbench.errors import DataError
+from vrbench.geometry import Transform
+from vrbench.metrics.scored import ScoredTake
+from vrbench.protocols.calibration import Calibration
+from vrbench.streams import Columns, Samples
+from vrbench.trajectory import Trajectory
+
+HEADSET = "headset/eye"
+REFERENCES = {"robot": "robot/tcp", "mocap": "mocap/"}
+
+
+class Prepare(Interface):
+    """Makes a take ready for scoring."""
+
+    def __call__(
+        self,
+        columns: Columns,
+        reference: str,
+        x: Transform | None,
+        *,
+        anchor_s: float | None = None,
+        sitting_y: Transform | None = None,
+    ) -> ScoredTake: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Protocol:
+    """A chain from takes to numbers.
+
+    Attributes:
+        name: name and version, `vrbench-1`.
+        title: what it does, in a sentence.
+        calibrate: X of a calibration take, given its columns, `robot` or `mocap`, and its name.
+        prepare: a take made ready for the metrics, with X from elsewhere.
+    """
+
+    name: str
+    title: str
+    calibrate: Callable[[Columns, str, str], Calibration]
+    prepare: Prepare
+
+
+def headset_samples(columns: Columns) -> Samples:
+    """All samples of the headset.
+
+    Raises:
+        DataError: the take has none.
+    """
+    if HEADSET not in columns.poses:
+        raise DataError(f"the take has no {HEADSET}", fix=f"it has {', '.join(columns.poses)}")
+    return columns.poses[HEADSET]
+
+
+def reference_trajectory(columns: Columns, reference: str) -> Trajectory:
+    """The stream that counts as truth: `robot` or `mocap`.
+
+    Raises:
+        DataError: the take has none.
+    """
+    wanted = REFERENCES[reference]
+    for stream, samples in columns.poses.items():
+        if stream.startswith(wanted):
+            return samples.trajectory()
+    raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")

@@ -1,0 +1,110 @@
+"""Protocol `vrbench-1`: clock by angular speed, X from calibration, one robust fit a take."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vrbench.estimation.clock import ClockFit, estimate_clock
+from vrbench.estimation.fit import fit
+from vrbench.estimation.handeye import residuals, solve_handeye
+from vrbench.estimation.interpolation import PoseSpline, paired
+from vrbench.estimation.trim import active_window
+from vrbench.geometry import Transform
+from vrbench.metrics.scored import ScoredTake
+from vrbench.protocols.calibration import Calibration, thinned
+from vrbench.protocols.protocol import Protocol, headset_samples, reference_trajectory
+from vrbench.streams import Columns
+from vrbench.trajectory import NS, Trajectory
+
+
+def _synchronised(columns: Columns, reference: str) -> tuple[Trajectory, Trajectory, ClockFit]:
+    """The reference in its active window, the headset's good poses, and the clock between them."""
+    whole = reference_trajectory(columns, reference)
+    moving = whole.between(*active_window(whole))
+    estimate = headset_samples(columns).trajectory()
+    return moving, estimate, estimate_clock(moving, estimate)
+
+
+def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
+    """X and Y of a calibration take: a linear solve, then one fit of offset, X, Y and scale.
+
+    The scale is fitted because a wrong one biases X, and is dropped after.
+
+    Raises:
+        EstimationError: the take doesn't determine X.
+        DataError: a stream is missing.
+    """
+    moving, estimate, synchrony = _synchronised(columns, reference)
+    spline = PoseSpline(moving)
+    covered, tcp = paired(spline, estimate, synchrony.clock)
+    start = solve_handeye(tcp, estimate.pose[covered])
+    best = fit(
+        spline,
+        estimate,
+        clock=synchrony.clock,
+        x=start.x,
+        y=start.y,
+        free=("offset", "x", "y", "scale"),
+    )
+    covered, tcp = paired(spline, estimate, best.clock)
+    translation, rotation = residuals(tcp, estimate.pose[covered], best.x, best.y)
+    return Calibration(
+        take=take,
+        x=best.x,
+        y=best.y,
+        translation_residual_m=float(np.sqrt(np.mean(translation**2))),
+        rotation_residual_rad=float(np.sqrt(np.mean(rotation**2))),
+        start=int(moving.t[0]),
+        end=int(moving.t[-1]),
+        tcp=thinned(tcp),
+    )
+
+
+def prepare(
+    columns: Columns,
+    reference: str,
+    x: Transform | None,
+    *,
+    anchor_s: float | None = None,
+    sitting_y: Transform | None = None,
+) -> ScoredTake:
+    """A take on the reference's clock; with X, offset and Y are fitted, and nothing else.
+
+    Raises:
+        EstimationError: the streams can't be synchronised.
+        DataError: a stream is missing.
+    """
+    moving, estimate, synchrony = _synchronised(columns, reference)
+    spline = PoseSpline(moving)
+    clock, y = synchrony.clock, None
+    if x is not None:
+        best = fit(spline, estimate, clock=clock, x=x, free=("offset", "y"))
+        clock, y = best.clock, best.y
+        middle = int(estimate.t[len(estimate) // 2])
+        synchrony = replace(synchrony, clock=clock, offset_s=float(clock.offset_ns(middle)) / NS)
+    covered, truth = paired(spline, estimate, clock)
+    samples = headset_samples(columns)
+    pose_t = clock.to_reference(samples.pose_t)
+    within = (pose_t >= moving.t[0]) & (pose_t <= moving.t[-1])
+    return ScoredTake(
+        columns=columns,
+        reference=moving,
+        samples=replace(samples, pose_t=pose_t)[within],
+        estimate=Trajectory(clock.to_reference(estimate.t), estimate.pose)[covered],
+        truth=truth,
+        clock=clock,
+        x=x,
+        y=y,
+        anchor_end=None if anchor_s is None else int(moving.t[0]) + round(anchor_s * NS),
+        sitting_y=sitting_y,
+    )
+
+
+PROTOCOL = Protocol(
+    name="vrbench-1",
+    title="Clock by angular speed, X from calibration, one robust fit of offset and Y a take",
+    calibrate=calibrate,
+    prepare=prepare,
+)

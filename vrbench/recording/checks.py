@@ -1,0 +1,131 @@
+"""What importers check and mend, in one place; public to the authors of plugins."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from vrbench.errors import DataError
+from vrbench.geometry import Floats, Ints, Transform, continuous_signs, quat_normalize
+from vrbench.recording.importer import Imported
+from vrbench.streams import Samples
+from vrbench.trajectory import NS, QUATERNION_TOLERANCE
+
+MAX_DROPPED = 1e-3
+"""The part of a file's poses that may be dropped for their stamps; one pose always may."""
+
+
+def imported_poses(
+    t: Ints,
+    p: Floats,
+    q: Floats,
+    *,
+    file: Path,
+    receive_t: Ints | None = None,
+    row: str = "pose",
+    repairs: tuple[str, ...] = (),
+) -> Imported:
+    """What an importer returns, of the columns it has read from `file`.
+
+    Args:
+        t: stamps (n,) [ns], in the order of the file.
+        p: positions (n, 3) [m], right-handed.
+        q: quaternions (n, 4), xyzw, of unit length; their signs are made continuous.
+        file: named in errors.
+        receive_t: when each pose arrived (n,) [ns], where the file says so.
+        row: what one of them is called in messages: `line`, `message`; counted from 1.
+        repairs: sentences on what the importer itself has mended.
+
+    Raises:
+        DataError: no poses, a value that isn't finite, a quaternion far from unit length, stamps
+            that go back or repeat too often to be mended.
+    """
+    if len(t) == 0:
+        raise DataError("holds no poses", file=file)
+    pose = checked_poses(p, q, file=file, row=row)
+    keep = increasing(t, file=file, row=row)
+    if len(keep) < len(t):
+        n, t, pose = len(t), t[keep], pose[keep]
+        receive_t = None if receive_t is None else receive_t[keep]
+        repairs = (*repairs, _dropped(np.setdiff1d(np.arange(n), keep), row))
+    pose = Transform(pose.p, continuous_signs(pose.q))
+    return Imported(Samples.of(t, pose, receive_t=receive_t), repairs)
+
+
+def checked_poses(p: Floats, q: Floats, *, file: Path, row: str = "pose") -> Transform:
+    """Poses (n,) of positions (n, 3) [m] and quaternions (n, 4) that `file` claims.
+
+    Raises:
+        DataError: a value that isn't finite, a quaternion far from unit length.
+    """
+    for name, values in (("position", p), ("quaternion", q)):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise DataError(f"{name} of {row} {bad[0] + 1} is not finite", file=file)
+    length = np.linalg.norm(q, axis=1)
+    bad = np.flatnonzero(np.abs(length - 1.0) > QUATERNION_TOLERANCE)
+    if len(bad):
+        raise DataError(
+            f"quaternion of {row} {bad[0] + 1} has length {length[bad[0]]:.4g}",
+            file=file,
+            fix="unit quaternions, order x y z w",
+        )
+    return Transform(p, quat_normalize(q))
+
+
+def increasing(t: Ints, *, file: Path, row: str = "pose") -> npt.NDArray[np.intp]:
+    """Which stamps t (n,) [ns] to keep so that they increase strictly: the most that do.
+
+    One stamp in a thousand may go, and one in any file: a frame logged twice, two that changed
+    places. More than that is a clock that was set, and what lies after it is no longer on one
+    time scale with what lies before.
+
+    Raises:
+        DataError: more would have to go.
+    """
+    steps = np.diff(t)
+    if np.all(steps > 0):
+        return np.arange(len(t))
+    keep = _longest_increasing(t.tolist())
+    dropped = len(t) - len(keep)
+    if dropped > max(1.0, MAX_DROPPED * len(t)):
+        back = np.flatnonzero(steps <= 0)
+        raise DataError(
+            f"stamps go back or repeat at {len(back)} of {len(t)} places, first at {row} "
+            f"{back[0] + 2}, by up to {-int(steps.min()) / NS:.3f} s",
+            file=file,
+            fix=f"they must increase; one {row} in a thousand may be dropped, here {dropped}"
+            " would have to be: cut the recording where its clock was set",
+        )
+    return keep
+
+
+def _longest_increasing(t: list[int]) -> npt.NDArray[np.intp]:
+    """Indices of a longest strictly increasing subsequence (Fredman, 1975)."""
+    ends: list[int] = []  # the least value that ends a subsequence of each length
+    places: list[int] = []
+    before = [-1] * len(t)
+    for i, value in enumerate(t):
+        k = bisect_left(ends, value)
+        before[i] = places[k - 1] if k else -1
+        if k == len(ends):
+            ends.append(value)
+            places.append(i)
+        elif value < ends[k]:  # of equal stamps the first stays
+            ends[k], places[k] = value, i
+    chain = np.empty(len(ends), dtype=np.intp)
+    i = places[-1]
+    for k in range(len(ends) - 1, -1, -1):
+        chain[k] = i
+        i = before[i]
+    return chain
+
+
+def _dropped(gone: npt.NDArray[np.intp], row: str) -> str:
+    many = f"{row}s" if len(gone) > 1 else row
+    return (
+        f"{len(gone)} {many} dropped, whose stamps repeat or go back (first: {row} {gone[0] + 1})"
+    )

@@ -1,0 +1,68 @@
+"""Records: moves the robot, and writes what all devices send meanwhile into one take."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from vrbench.devices.ports import HostClock, PoseSource
+from vrbench.recording.take import TakeWriter
+from vrbench.streams import Columns, Event
+
+# Poses received so far, by stream, and the part of the movement done, 0..1.
+Progress = Callable[[Mapping[str, int], float], None]
+SETTLE_S = 1.0
+
+
+def record_take(
+    path: Path,
+    metadata: Mapping[str, str],
+    sources: Sequence[PoseSource],
+    movement: Iterable[float],
+    host: HostClock,
+    progress: Progress,
+) -> Mapping[str, int]:
+    """Records one take while `movement` goes on.
+
+    Args:
+        path: where the take will be; its stem is the take's name.
+        metadata: facts of the take.
+        sources: everything that sends poses, connected.
+        movement: yields the part done, often; moves the robot while it is iterated.
+        host: the recorder's clock.
+        progress: called after each look at the sources.
+
+    Returns:
+        poses received, by stream.
+
+    Raises:
+        DeviceError: a device failed; what came before stays in `<path>.part`.
+    """
+    received: Counter[str] = Counter()
+
+    def drain(writer: TakeWriter) -> None:
+        for source in sources:
+            columns = source.read()
+            received.update({stream: len(samples) for stream, samples in columns.poses.items()})
+            writer.write(columns)
+
+    def mark(writer: TakeWriter, phase: str) -> None:
+        writer.write(Columns({}, events=[Event(host.now(), "phase", {"name": phase})]))
+
+    with TakeWriter(path, metadata) as writer:
+        try:
+            for source in sources:
+                source.start(path.stem)
+            host.wait(SETTLE_S)
+            mark(writer, "move")
+            for done in movement:
+                drain(writer)
+                progress(received, done)
+            mark(writer, "rest")
+            host.wait(SETTLE_S)
+        finally:
+            for source in sources:
+                source.stop()
+        drain(writer)
+    return received

@@ -1,0 +1,185 @@
+"""Takes: one recording, one MCAP file, which any MCAP tool opens."""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, BinaryIO, Self
+
+import numpy as np
+
+from vrbench import __version__
+from vrbench.errors import DataError
+from vrbench.recording import cdr
+from vrbench.streams import Columns, Event, Joints, Samples
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+METADATA = "vrbench"
+CHUNK_BYTES = 512 * 1024
+# The frame that poses of a stream are given in, by the first part of its name.
+FRAMES = {"headset": "world", "robot": "base", "mocap": "mocap"}
+
+
+def pose_topic(stream: str) -> str:
+    """`/headset/eye/pose`, `/mocap/<body>/pose`; a robot's are `/robot/tcp`, `/robot/target`."""
+    return f"/{stream}" if stream.startswith("robot") else f"/{stream}/pose"
+
+
+class TakeWriter:
+    """Writes a take; the file has its name only once it is whole.
+
+    Until then it is `NAME.mcap.part`. What stands there after a crash can be read up to the last
+    complete chunk.
+
+    Args:
+        path: where the take will be.
+        metadata: facts of the take, text by name.
+    """
+
+    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+        self.path = path
+        self._part = path.with_name(path.name + ".part")
+        self._metadata = dict(metadata)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._file: BinaryIO
+        self._writer: Writer
+
+    def __enter__(self) -> Self:
+        from mcap.writer import CompressionType, Writer
+
+        if self.path.exists():
+            raise DataError("the take is already there", file=self.path)
+        self._file = self._part.open("wb")
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library=f"vrbench {__version__}")
+        self._writer.add_metadata(METADATA, self._metadata)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._file.close()
+        if kind is None:
+            self._part.replace(self.path)
+
+    def write(self, columns: Columns) -> None:
+        """Appends columns of any streams, in order of receive time."""
+        rows: list[tuple[int, int, int, bytes]] = []  # log time, publish time, channel, data
+        for stream, samples in columns.poses.items():
+            rows += self._pose_rows(stream, samples)
+        for stream, joints in columns.joints.items():
+            channel = self._channel(f"/{stream}", cdr.JOINT_STATE)
+            rows += zip(
+                joints.receive_t.tolist(),
+                joints.t.tolist(),
+                [channel] * len(joints),
+                cdr.encode_joints(joints),
+                strict=True,
+            )
+        for event in columns.events:
+            channel = self._channel("/events", cdr.EVENT)
+            rows.append((event.t, event.t, channel, cdr.encode_event(event)))
+        rows.sort(key=lambda row: row[0])
+        for log_time, publish_time, channel, data in rows:
+            self._writer.add_message(channel, log_time, data, publish_time)
+
+    def _pose_rows(self, stream: str, samples: Samples) -> list[tuple[int, int, int, bytes]]:
+        if not len(samples):
+            return []
+        every = self._channel(f"/{stream}/samples", cdr.SAMPLE)
+        poses = self._channel(pose_topic(stream), cdr.POSE_STAMPED)
+        frame = FRAMES[stream.split("/")[0].split("_")[0]]
+        good = samples[samples.good]
+        return [
+            *zip(
+                samples.receive_t.tolist(),
+                samples.pose_t.tolist(),
+                [every] * len(samples),
+                cdr.encode_samples(samples),
+                strict=True,
+            ),
+            *zip(
+                good.receive_t.tolist(),
+                good.pose_t.tolist(),
+                [poses] * len(good),
+                cdr.encode_poses(good.pose_t, good.pose, frame),
+                strict=True,
+            ),
+        ]
+
+    def _channel(self, topic: str, schema: str) -> int:
+        if topic not in self._channels:
+            if schema not in self._schemas:
+                self._schemas[schema] = self._writer.register_schema(
+                    schema, "ros2msg", cdr.SCHEMAS[schema].encode()
+                )
+            self._channels[topic] = self._writer.register_channel(
+                topic, "cdr", self._schemas[schema]
+            )
+        return self._channels[topic]
+
+
+def read_take(path: Path) -> Columns:
+    """All that a take holds.
+
+    Raises:
+        DataError: no such file, not MCAP, or cut short.
+    """
+    messages, metadata = _read_messages(path)
+    poses: dict[str, Samples] = {}
+    joints: dict[str, Joints] = {}
+    events: list[Event] = []
+    for (topic, schema), rows in messages.items():
+        times = np.array([t for t, _ in rows], dtype=np.int64)
+        data = [raw for _, raw in rows]
+        stream = topic.removeprefix("/")
+        if schema == cdr.SAMPLE:
+            poses[stream.removesuffix("/samples")] = cdr.decode_samples(data)
+        elif schema == cdr.POSE_STAMPED:
+            # where samples are there too, they say more
+            if (f"{topic.removesuffix('/pose')}/samples", cdr.SAMPLE) not in messages:
+                poses[stream.removesuffix("/pose")] = cdr.decode_poses(data, times)
+        elif schema == cdr.JOINT_STATE:
+            joints[stream] = cdr.decode_joints(data, times)
+        elif schema == cdr.EVENT:
+            events += map(cdr.decode_event, data)
+    return Columns(poses, joints, sorted(events, key=lambda event: event.t), metadata)
+
+
+def _read_messages(
+    path: Path,
+) -> tuple[dict[tuple[str, str], list[tuple[int, bytes]]], dict[str, str]]:
+    """(log time, bytes) of all messages by topic and schema, and the metadata."""
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    messages: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
+    metadata: dict[str, str] = {}
+    try:
+        with path.open("rb") as file:
+            reader = make_reader(file)
+            for record in reader.iter_metadata():
+                if record.name == METADATA:
+                    metadata |= record.metadata
+            for schema, channel, message in reader.iter_messages(log_time_order=False):
+                name = schema.name if schema else ""
+                messages[channel.topic, name].append((message.log_time, message.data))
+    except FileNotFoundError:
+        raise DataError("no such take", file=path) from None
+    except (McapError, OSError, EOFError) as error:
+        raise DataError(
+            "is not a whole MCAP file", file=path, fix=f"record or import it again; {error}"
+        ) from error
+    return messages, metadata

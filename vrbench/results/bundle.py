@@ -1,0 +1,232 @@
+"""The bundle: a folder that holds one execution of a suite, whole or marked incomplete."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from vrbench.config.suite import Suite
+from vrbench.config.yaml_file import validate
+from vrbench.errors import ConfigError, DataError
+from vrbench.recording.take import read_take
+from vrbench.streams import Columns
+
+SCHEMA_VERSION = 1
+RECORD = "run.json"
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class DeviceRecord(_Record):
+    """The headset that was measured, and how its poses were had."""
+
+    headset: str
+    firmware: str = "unknown"
+    logger: str = "unknown"
+    logger_version: str = "unknown"
+    prediction: str = "unknown"
+
+
+class TakeRecord(_Record):
+    """One take of the run."""
+
+    file: str
+    sha256: str
+    case: str
+    condition: str = "default"
+    mount: int
+    repeat: int
+    role: Literal["calibration", "scored"]
+    motion: str
+    motion_digest: str
+    speed: float = 1.0
+    fraction: float | None = None
+    repairs: list[str] = []
+
+    @property
+    def name(self) -> str:
+        return Path(self.file).stem
+
+
+class RunRecord(_Record):
+    """`run.json`: what was run, with what, and what came of it."""
+
+    schema_version: Literal[1] = 1
+    status: Literal["incomplete", "complete"] = "incomplete"
+    kind: Literal["recorded", "simulated", "imported"]
+    created: str
+    suite: dict[str, Any]
+    suite_digest: str
+    lab: str
+    sitting: str
+    device: DeviceRecord
+    references: list[str]
+    seed: int | None = None
+    versions: dict[str, str]
+    files: dict[str, str] = {}
+    takes: list[TakeRecord] = []
+
+    def resolved_suite(self) -> Suite:
+        """The suite as it was when the run was made."""
+        return validate(self.suite, Suite, RECORD)
+
+
+class Bundle:
+    """A run's folder.
+
+    Attributes:
+        folder: where it is.
+        record: what `run.json` says.
+    """
+
+    def __init__(self, folder: Path, record: RunRecord) -> None:
+        self.folder, self.record = folder, record
+
+    @classmethod
+    def create(cls, folder: Path, record: RunRecord, inputs: Mapping[str, str]) -> Bundle:
+        """A new folder, marked incomplete, with the texts `inputs` by file name.
+
+        Raises:
+            ConfigError: the folder exists, or can't be made.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=False)
+        except FileExistsError:
+            raise ConfigError(
+                "is there already", file=folder, field="-o", fix="name a folder that is not"
+            ) from None
+        except OSError as error:
+            raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
+        bundle = cls(folder, record)
+        bundle._save()
+        (folder / "takes").mkdir()
+        for name, text in inputs.items():
+            (folder / name).write_text(text, encoding="utf-8")
+            record.files[name] = file_digest(folder / name)
+        return bundle
+
+    @classmethod
+    def open(cls, folder: Path) -> Bundle:
+        """A complete run.
+
+        Raises:
+            ConfigError: no run there, an incomplete one, or one of another schema.
+        """
+        path = folder / RECORD
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (FileNotFoundError, NotADirectoryError):
+            raise ConfigError("is not a run", file=folder, fix=f"a folder with {RECORD}") from None
+        except ValueError as error:
+            raise ConfigError("is not JSON", file=path, fix=str(error)) from None
+        if isinstance(content, dict) and content.get("schema_version") != SCHEMA_VERSION:
+            raise ConfigError(
+                f"schema version {content.get('schema_version')}",
+                file=path,
+                field="schema_version",
+                fix=f"this vrbench reads version {SCHEMA_VERSION}",
+            )
+        record = validate(content, RunRecord, path)
+        if record.status != "complete":
+            raise ConfigError(
+                "the run is incomplete: it was interrupted or failed",
+                file=folder,
+                fix="record or import it again",
+            )
+        return cls(folder, record)
+
+    def take_path(self, name: str) -> Path:
+        """Where the take of this name belongs."""
+        return self.folder / "takes" / f"{name}.mcap"
+
+    def add(self, take: TakeRecord) -> None:
+        """Enters a take that has been written."""
+        self.record.takes.append(take)
+        self._save()
+
+    def columns(self, take: TakeRecord) -> Columns:
+        """A take's columns.
+
+        Raises:
+            DataError: the file is gone, or isn't the one that was recorded.
+        """
+        path = self.folder / take.file
+        if not path.is_file():
+            raise DataError("the take is gone", file=path)
+        if file_digest(path) != take.sha256:
+            raise DataError(
+                "the take was changed after it was recorded",
+                file=path,
+                field="sha256",
+                fix=f"{RECORD} says {take.sha256[:12]}...",
+            )
+        return read_take(path)
+
+    def write_truth(self, take: str, truth: Mapping[str, Any]) -> None:
+        """Keeps what a simulator knows beside the takes; there is no way to read it back here."""
+        folder = self.folder / "truth"
+        folder.mkdir(exist_ok=True)
+        (folder / f"{take}.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+
+    def finish(self) -> None:
+        """Marks the run complete."""
+        self.record.status = "complete"
+        self._save()
+
+    def _save(self) -> None:
+        path = self.folder / RECORD
+        text = self.record.model_dump_json(indent=1)
+        replace_text(path, text)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Writes a file so that it is, at any moment, the old one or the new one."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+
+
+def file_digest(path: Path) -> str:
+    """sha256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def utc_now() -> datetime:
+    """The time, to the second."""
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+def default_folder(suite: str, device: str) -> Path:
+    """`runs/<utc>-<suite>-<device>`; with -2, -3, ... where that is taken."""
+    base = f"{utc_now():%Y%m%dT%H%M%SZ}-{suite}-{device}"
+    folder, n = Path("runs") / base, 1
+    while folder.exists():
+        n += 1
+        folder = Path("runs") / f"{base}-{n}"
+    return folder
+
+
+def versions(plugins: Mapping[str, str]) -> dict[str, str]:
+    """Versions of Python and of what takes part in a result, by name."""
+    from importlib.metadata import version
+
+    import numpy
+    import scipy
+
+    return {
+        "python": platform.python_version(),
+        "numpy": numpy.__version__,
+        "scipy": scipy.__version__,
+        "mcap": version("mcap"),
+        **plugins,
+    }
