@@ -1,12 +1,15 @@
-"""Maps from one clock to another: piecewise affine, in int64 nanoseconds."""
+"""Maps from one clock to another, and their fit to a device's answers; int64 nanoseconds."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from vrbench.errors import EstimationError
 from vrbench.geometry import Floats, Ints
 from vrbench.trajectory import NS
 
@@ -45,3 +48,92 @@ class ClockMap:
     def to_reference(self, t_device: Ints) -> Ints:
         """Device times [ns] as times on the reference's clock [ns]."""
         return t_device - np.rint(self.offset_ns(t_device)).astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exchanges:
+    """Requests that a device answered with its own time, as NTP's four stamps.
+
+    Attributes:
+        sent: when the request left (n,) [ns], host clock.
+        remote_received: when it came in (n,) [ns], device clock.
+        remote_sent: when the answer left (n,) [ns], device clock; the same where it gives one time.
+        received: when the answer came in (n,) [ns], host clock.
+    """
+
+    sent: Ints
+    remote_received: Ints
+    remote_sent: Ints
+    received: Ints
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Exchanges]) -> Exchanges:
+        return cls(
+            sent=np.concatenate([x.sent for x in parts]),
+            remote_received=np.concatenate([x.remote_received for x in parts]),
+            remote_sent=np.concatenate([x.remote_sent for x in parts]),
+            received=np.concatenate([x.received for x in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.sent)
+
+    @property
+    def round_trip(self) -> Ints:
+        """Time on the wire, both ways (n,) [ns]."""
+        return (self.received - self.sent) - (self.remote_sent - self.remote_received)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExchangeFit:
+    """A device's clock, from exchanges.
+
+    Attributes:
+        clock: from the device's clock to the host's.
+        bound_s: how wrong the offset can be at most, half the least round trip [s].
+        residual_s: root mean square about the fit of the exchanges used [s].
+        used: how many exchanges were used.
+    """
+
+    clock: ClockMap
+    bound_s: float
+    residual_s: float
+    used: int
+
+
+def fit_exchanges(
+    exchanges: Exchanges, *, keep: float = 0.3, skew_after_s: float = 60.0
+) -> ExchangeFit:
+    """Offset and skew from the exchanges with the least round trips.
+
+    A slow answer was delayed on one way, and nobody knows on which; so only the quickest `keep` of
+    the exchanges count (Mills, RFC 5905). The skew is fitted where they span `skew_after_s` or
+    more, and is zero before.
+
+    Raises:
+        EstimationError: no exchange, or a round trip that is negative.
+    """
+    if not len(exchanges):
+        raise EstimationError("no clock exchange was answered")
+    trip = exchanges.round_trip
+    if np.any(trip < 0):
+        raise EstimationError("an answer came before its request: a clock stepped")
+    best = np.sort(np.argsort(trip, kind="stable")[: max(1, math.ceil(keep * len(trip)))])
+    # Differences of int64 first: sums of epoch nanoseconds would overflow, floats lose digits.
+    there = exchanges.remote_received[best] - exchanges.sent[best]
+    back = exchanges.remote_sent[best] - exchanges.received[best]
+    offset = there / 2 + back / 2
+    at = exchanges.remote_received[best]
+    middle = int(at[len(at) // 2])
+    since = (at - middle) / NS
+    if len(best) >= 3 and since[-1] - since[0] >= skew_after_s:
+        slope, level = np.polynomial.polynomial.polyfit(since, offset, 1)[::-1]
+    else:
+        slope, level = 0.0, float(np.median(offset))
+    residual = offset - (level + slope * since)
+    return ExchangeFit(
+        clock=ClockMap.affine(middle, float(level) / NS, float(slope) / NS),
+        bound_s=float(trip.min()) / 2 / NS,
+        residual_s=float(np.sqrt(np.mean(residual**2))) / NS,
+        used=len(best),
+    )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vrbench.clocks import Exchanges
 from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs
 from vrbench.trajectory import Trajectory
 
@@ -145,10 +146,12 @@ class Columns:
         poses: pose streams by name: `headset/eye`, `robot/tcp`, `robot/target`, `mocap/<body>`.
         joints: joint streams by name: `robot/joints`.
         events: all events by time.
+        clocks: clock exchanges by source: `optitrack`, `headset`.
         metadata: facts of the take, text by name.
     """
 
     poses: Mapping[str, Samples]
     joints: Mapping[str, Joints] = field(default_factory=dict)
     events: Sequence[Event] = ()
+    clocks: Mapping[str, Exchanges] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from vrbench.errors import DataError
 from vrbench.geometry import quat_normalize
+from vrbench.recording import checks
 from vrbench.recording.checks import imported_poses, increasing
 
 FILE = Path("made-up.log")
@@ -29,14 +30,22 @@ def longest_by_trying_all(t):
 
 @given(stamps)
 def test_what_is_kept_increases_and_is_the_most_that_can(t):
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(checks, "MAX_DROPPED", 1.0)
         keep = increasing(t, file=FILE)
-    except DataError:
-        assert len(t) - longest_by_trying_all(t) > 1
+    assert np.all(np.diff(t[keep]) > 0)
+    assert np.all(np.diff(keep) > 0)
+    assert len(keep) == longest_by_trying_all(t)
+
+
+@given(stamps)
+def test_more_than_one_pose_of_few_is_never_dropped(t):
+    gone = len(t) - longest_by_trying_all(t)
+    if gone > 1:
+        with pytest.raises(DataError, match=f"here {gone} would have to be"):
+            increasing(t, file=FILE)
     else:
-        assert np.all(np.diff(t[keep]) > 0)
-        assert np.all(np.diff(keep) > 0)
-        assert len(keep) == longest_by_trying_all(t)
+        assert len(increasing(t, file=FILE)) == len(t) - gone
 
 
 def test_of_a_stamp_that_repeats_the_first_is_kept():

@@ -71,3 +71,8 @@ def show_runs(bundles: Sequence[Bundle]) -> None:
     """Says where bundles are, and what to do next."""
     for bundle in bundles:
         click.echo(f"run: {bundle.folder}")
+
+
+def metric_table(bundle: Bundle, protocol: str) -> str:
+    """Where a run's metric table is."""
+    return str(bundle.folder / "metrics" / f"{protocol}.csv")

@@ -36,27 +36,41 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]])
     console().print(table)
 
 
-def show_metrics(rows: Sequence[Row]) -> None:
-    """The headline numbers: pooled where several takes are, of each take otherwise."""
-    wanted = ("rmse", "mean", "max", "value", "median", "count")
-    pooled = {(row.case, row.metric, row.point) for row in rows if row.repeat == "all"}
-    shown: dict[tuple[str, ...], dict[str, Row]] = {}
+# The headline numbers of a take: column, metric, point, statistic.
+_HEADLINES = (
+    ("ape eye mm ", "ape.translation.aligned", "eye", "rmse"),
+    ("max ", "ape.translation.aligned", "eye", "max"),
+    ("ape tcp mm ", "ape.translation.aligned", "tcp", "rmse"),
+    ("ape deg ", "ape.rotation.aligned", "eye", "rmse"),
+    ("rpe 1 s mm ", "rpe.translation@1s", "eye", "rmse"),
+    ("scale ", "scale", "eye", "value"),
+    ("offset ms ", "clock.offset", "", "value"),
+    ("rate Hz ", "timing.rate", "", "value"),
+    ("valid % ", "coverage.valid", "", "value"),
+)
+
+
+def show_metrics(rows: Sequence[Row], table: str) -> None:
+    """The headline numbers of each take and of all together; `table` is the file with the rest."""
+    from vrbench.results.tables import STATUSES
+
+    takes: dict[tuple[str, str, str, str], dict[tuple[str, ...], Row]] = {}
     for row in rows:
-        if row.variant != "main" or row.band != "all" or row.segment != "all":
+        if row.variant == "main" and row.band == "all" and row.segment == "all":
+            take = takes.setdefault((row.reference, row.case, row.mount, row.repeat), {})
+            take[row.metric, row.point, row.statistic] = row
+    lines = []
+    for (_, case, mount, repeat), numbers in takes.items():
+        cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in _HEADLINES]
+        if not any(cells):
             continue
-        if row.repeat != "all" and (row.case, row.metric, row.point) in pooled:
-            continue
-        key = (row.case, row.mount, row.repeat, row.reference, row.metric, row.point)
-        shown.setdefault(key, {})[row.statistic] = row
-    table = []
-    for (case, mount, repeat, _, metric, point), by_statistic in shown.items():
-        first = next(iter(by_statistic.values()))
-        cells = [_number(by_statistic[s].value) if s in by_statistic else "" for s in wanted]
-        table.append(
-            [f"{case} m{mount} r{repeat}", metric, point, *cells, first.unit, _state(first)]
-        )
-    header = ["take", "metric", "at", *(f"{s} " for s in wanted), "unit", "status"]
-    show_table("Metrics", header, table)
+        place = [case, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
+        shown = ["" if row is None else _number(row.value) for row in cells]
+        status = min((r.status for r in numbers.values()), key=STATUSES.index)
+        lines.append([*place, *shown, "ok" if status == "skipped" else status])
+    header = ["case", "take", *(name for name, *_ in _HEADLINES), "status"]
+    show_table("Metrics", header, lines)
+    click.echo(f"all {len(rows)} numbers: {table}")
 
 
 def show_boards(boards: Sequence[Board]) -> None:

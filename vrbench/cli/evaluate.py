@@ -13,7 +13,7 @@ import click
 @click.option("--protocol", default="vrbench-1", show_default=True, help="How takes are scored.")
 def command(runs: tuple[Path, ...], protocol: str) -> None:
     """Score the takes of RUNS and write their metric tables."""
-    from vrbench.cli._steps import evaluate_run, show_runs
+    from vrbench.cli._steps import evaluate_run, metric_table, show_runs
     from vrbench.cli._tables import exit_code, show_metrics, show_trouble
     from vrbench.results.bundle import Bundle
 
@@ -21,7 +21,7 @@ def command(runs: tuple[Path, ...], protocol: str) -> None:
     for folder in runs:
         bundle = Bundle.open(folder)
         rows = evaluate_run(bundle, protocol)
-        show_metrics(rows)
+        show_metrics(rows, metric_table(bundle, protocol))
         show_trouble(rows)
         show_runs([bundle])
         code = max(code, exit_code(rows))

@@ -17,12 +17,12 @@ import click
 @click.option("--seed", default=1, show_default=True, help="Of everything random.")
 def command(suite: str, rig: str, output: Path | None, seed: int) -> None:
     """Record SUITE on a rig, evaluate it, and print its metrics."""
-    from vrbench.cli._steps import PROTOCOL, evaluate_run, record, show_runs
+    from vrbench.cli._steps import PROTOCOL, evaluate_run, metric_table, record, show_runs
     from vrbench.cli._tables import exit_code, show_metrics, show_trouble
 
     bundle = record(suite, rig, output, seed)
     rows = evaluate_run(bundle, PROTOCOL)
-    show_metrics(rows)
+    show_metrics(rows, metric_table(bundle, PROTOCOL))
     show_trouble(rows)
     show_runs([bundle])
     sys.exit(exit_code(rows))

@@ -105,6 +105,21 @@ class Robot(PoseSource, Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that `vrbench rig check` found about a device.
+
+    Attributes:
+        ok: whether it is as it should be.
+        what: what was found, in a sentence.
+        fix: what to do, where it isn't.
+    """
+
+    ok: bool
+    what: str
+    fix: str = ""
+
+
 class NoDeviceOptions(BaseModel):
     """A device that needs no telling."""
 
@@ -168,6 +183,8 @@ class HeadsetSpec:
         options: the route's options, `extra="forbid"`.
         open: connects; None where recordings of this model can only be imported. The vendor's
             SDK is imported in here, not before.
+        check: looks at the device for `vrbench rig check`, without moving anything.
+        emulator: module that `vrbench plugin emulate NAME` runs as a process of its own.
     """
 
     name: str
@@ -175,6 +192,8 @@ class HeadsetSpec:
     profile: HeadsetProfile | None = None
     options: type[BaseModel] = NoDeviceOptions
     open: Callable[[Any, HeadsetProfile, Session], PoseSource] | None = None
+    check: Callable[[Any, Session], Iterator[Finding]] | None = None
+    emulator: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +205,8 @@ class MocapSpec:
     open: Callable[[Any, Session], PoseSource]
     rate_hz: float
     options: type[BaseModel] = NoDeviceOptions
+    check: Callable[[Any, Session], Iterator[Finding]] | None = None
+    emulator: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,3 +218,5 @@ class RobotSpec:
     open: Callable[[Any, Session], Robot]
     rate_hz: float
     options: type[BaseModel] = NoDeviceOptions
+    check: Callable[[Any, Session], Iterator[Finding]] | None = None
+    emulator: str | None = None

@@ -99,6 +99,7 @@ def prepare(
         y=y,
         anchor_end=None if anchor_s is None else int(moving.t[0]) + round(anchor_s * NS),
         sitting_y=sitting_y,
+        clock_fit=synchrony,
     )
 
 

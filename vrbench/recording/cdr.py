@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vrbench.clocks import Exchanges
 from vrbench.geometry import Ints, Transform
 from vrbench.streams import Event, Joints, Samples
 from vrbench.trajectory import NS
@@ -42,6 +43,7 @@ POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 SAMPLE = "vrbench_msgs/msg/Sample"
 EVENT = "vrbench_msgs/msg/Event"
+CLOCK_EXCHANGE = "vrbench_msgs/msg/ClockExchange"
 
 SCHEMAS = {
     POSE_STAMPED: _schema(
@@ -65,6 +67,8 @@ SCHEMAS = {
         point=_POINT,
         quaternion=_QUATERNION,
     ),
+    CLOCK_EXCHANGE: "int64 sent_ns\nint64 remote_received_ns\nint64 remote_sent_ns\n"
+    "int64 received_ns\n",
     EVENT: _schema("builtin_interfaces/Time stamp\nstring kind\nstring detail\n", time=_TIME),
 }
 
@@ -80,6 +84,7 @@ _SAMPLE_LAYOUT = np.dtype(
         ("epoch", "<u4"),
     ]
 )
+_EXCHANGE_LAYOUT = np.dtype([("header", "V4"), ("stamps", "<i8", 4)])
 
 
 def _string(text: str) -> bytes:
@@ -216,6 +221,27 @@ def decode_joints(messages: Sequence[bytes], receive_t: Ints) -> Joints:
     )
     t = rows["sec"].astype(np.int64) * NS + rows["nanosec"]
     return Joints(t, receive_t, rows["position"].copy(), rows["velocity"].copy(), names)
+
+
+def encode_exchanges(exchanges: Exchanges) -> list[bytes]:
+    """`vrbench_msgs/msg/ClockExchange` messages."""
+    rows = np.zeros(len(exchanges), dtype=_EXCHANGE_LAYOUT)
+    rows["header"] = np.void(HEADER)
+    rows["stamps"] = np.column_stack(
+        (
+            exchanges.sent,
+            exchanges.remote_received,
+            exchanges.remote_sent,
+            exchanges.received,
+        )
+    )
+    return _rows(rows.tobytes(), _EXCHANGE_LAYOUT)
+
+
+def decode_exchanges(messages: Sequence[bytes]) -> Exchanges:
+    """The exchanges of `vrbench_msgs/msg/ClockExchange` messages."""
+    stamps = np.frombuffer(b"".join(messages), dtype=_EXCHANGE_LAYOUT)["stamps"]
+    return Exchanges(*(stamps[:, i].copy() for i in range(4)))
 
 
 def encode_event(event: Event) -> bytes:

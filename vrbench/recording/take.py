@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO, Self
 import numpy as np
 
 from vrbench import __version__
+from vrbench.clocks import Exchanges
 from vrbench.errors import DataError
 from vrbench.recording import cdr
 from vrbench.streams import Columns, Event, Joints, Samples
@@ -88,6 +89,11 @@ class TakeWriter:
                 cdr.encode_joints(joints),
                 strict=True,
             )
+        for source, exchanges in columns.clocks.items():
+            channel = self._channel(f"/clock/{source}", cdr.CLOCK_EXCHANGE)
+            times = exchanges.received.tolist()
+            data = cdr.encode_exchanges(exchanges)
+            rows += zip(times, times, [channel] * len(times), data, strict=True)
         for event in columns.events:
             channel = self._channel("/events", cdr.EVENT)
             rows.append((event.t, event.t, channel, cdr.encode_event(event)))
@@ -141,6 +147,7 @@ def read_take(path: Path) -> Columns:
     poses: dict[str, Samples] = {}
     joints: dict[str, Joints] = {}
     events: list[Event] = []
+    clocks: dict[str, Exchanges] = {}
     for (topic, schema), rows in messages.items():
         times = np.array([t for t, _ in rows], dtype=np.int64)
         data = [raw for _, raw in rows]
@@ -153,9 +160,11 @@ def read_take(path: Path) -> Columns:
                 poses[stream.removesuffix("/pose")] = cdr.decode_poses(data, times)
         elif schema == cdr.JOINT_STATE:
             joints[stream] = cdr.decode_joints(data, times)
+        elif schema == cdr.CLOCK_EXCHANGE:
+            clocks[stream.removeprefix("clock/")] = cdr.decode_exchanges(data)
         elif schema == cdr.EVENT:
             events += map(cdr.decode_event, data)
-    return Columns(poses, joints, sorted(events, key=lambda event: event.t), metadata)
+    return Columns(poses, joints, sorted(events, key=lambda event: event.t), clocks, metadata)
 
 
 def _read_messages(

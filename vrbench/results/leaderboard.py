@@ -111,7 +111,7 @@ def _groups(bundle: Bundle, suite: Suite, protocol: str) -> dict[BoardKey, list[
 def _entry(
     bundle: Bundle, suite: Suite, key: BoardKey, takes: Sequence[TakeRecord], rows: Sequence[Row]
 ) -> Entry:
-    """The pooled ranking number where there are several takes, the one take's where there is one."""
+    """The pooled ranking number of several takes, or that of the only one."""
     mine = [
         row
         for row in rows

@@ -1,0 +1,49 @@
+# make demo: see it work. make test: prove it. Both make .venv first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet --constraint constraints.txt
+PLUGINS := $(wildcard plugins/*/*)
+# One pip command installs core and plugins together: none of them is on an index.
+EDITABLE := $(foreach plugin,$(PLUGINS),--editable ./$(plugin))
+MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
+CODE := vrbench tests benchmarks plugins
+RUNS := runs/demo
+
+.PHONY: demo test lint clean
+
+demo: $(VENV)/demo
+	@rm -rf $(RUNS)
+	$(BIN)/vrbench run gameplay-replay --rig sim:quest-2 -o $(RUNS)/quest-2
+	$(BIN)/vrbench run gameplay-replay --rig sim:quest-pro -o $(RUNS)/quest-pro
+	$(BIN)/vrbench leaderboard $(RUNS)/quest-2 $(RUNS)/quest-pro
+	@echo "The bundles are $(RUNS)/quest-2 and $(RUNS)/quest-pro: takes, calibration, metrics."
+
+test: $(VENV)/test
+	$(BIN)/python -m pytest --numprocesses=auto
+
+lint: $(VENV)/test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) runs build dist .mypy_cache .ruff_cache .pytest_cache
+
+# A virtual environment without ensurepip has no pip, and Debian packs ensurepip apart.
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "vrbench needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { \
+	  v=$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
+	  echo "This Python can't make virtual environments: install the package python$$v-venv"; \
+	  echo "(Debian, Ubuntu: apt install python$$v-venv) and call make again."; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/demo: $(MANIFESTS) | $(BIN)/python
+	$(PIP) --editable . --editable ./plugins/headsets/quest
+	@touch $@
+
+$(VENV)/test: $(MANIFESTS) | $(BIN)/python
+	$(PIP) --editable '.[evo,lint,test]' $(EDITABLE)
+	@touch $@ $(VENV)/demo

@@ -1,0 +1,5 @@
+"""`python -m vrbench`: the command line."""
+
+from vrbench.cli import main
+
+main()
