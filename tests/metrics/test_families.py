@@ -21,6 +21,37 @@ def test_families_are_found_and_have_names_of_their_own():
     assert all(family.of_take or family.of_repeats for family in families)
 
 
+def rest(s):
+    return Transform(np.zeros((len(s), 3)), np.tile([0, 0, 0, 1.0], (len(s), 1)))
+
+
+POOR = {
+    "no good sample": {"flags": lambda s: np.zeros(len(s))},
+    "no sample": {"keep": lambda s: s < 0},
+    "one sample": {"keep": lambda s: s < 0.01},
+    "two samples": {"keep": lambda s: s < 0.02},
+    "one second": {"keep": lambda s: s < 1},
+    "no x": {"x": None, "y": None},
+    "no motion": {"path": rest},
+    "no window": {"duration": 0.0},
+    "anchor over all": {"anchor_end": 2**62},
+    "anchor before": {"anchor_end": 0},
+}
+
+
+@pytest.mark.parametrize("poor", POOR)
+def test_poor_takes_have_reasons_where_they_lack_numbers(values, make_take, poor):
+    take = make_take(**POOR[poor])
+    for family in builtin_families():
+        if family.of_take is not None:
+            found = values(family, take)
+            assert {value.metric for value in found.values()} <= set(family.units)
+            assert found
+        if family.of_repeats is not None:
+            for value in family.of_repeats([take, take]):
+                assert (value.value is None) == bool(value.reason)
+
+
 def test_rpe_sees_drift_by_its_rate(values, make_take):
     def spoil(s, pose):
         return Transform(pose.p + np.outer(0.001 * s, [1, 0, 0]), pose.q)
