@@ -24,6 +24,8 @@ from vrbench.geometry import (
 
 NS = 1_000_000_000
 QUATERNION_TOLERANCE = 1e-2
+LATEST_S = 2**63 / NS
+"""Stamps lie within int64 nanoseconds of 0: the year 2262 in epoch time [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,6 +132,9 @@ def read_tum(path: Path) -> Trajectory:
         raise DataError("holds no poses", file=path, fix="each row is `t x y z qx qy qz qw`")
     if rows.shape[1] != 8:
         raise DataError(f"rows have {rows.shape[1]} columns", file=path, fix="TUM rows have 8")
+    bad = np.flatnonzero(~(np.abs(rows[:, 0]) < LATEST_S))
+    if len(bad):
+        raise DataError(f"stamp of pose {bad[0] + 1} is {rows[bad[0], 0]:g} s", file=path)
     t = np.rint(rows[:, 0] * NS).astype(np.int64)
     return checked_trajectory(t, rows[:, 1:4], rows[:, 4:8], path)
 
@@ -144,7 +149,8 @@ def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
         bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if len(bad):
             raise DataError(f"{name} of pose {bad[0] + 1} is not finite", file=file)
-    length = np.linalg.norm(q, axis=1)
+    with np.errstate(over="ignore"):  # a length past all numbers is refused just below
+        length = np.linalg.norm(q, axis=1)
     bad = np.flatnonzero(np.abs(length - 1.0) > QUATERNION_TOLERANCE)
     if len(bad):
         raise DataError(

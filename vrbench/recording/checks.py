@@ -65,7 +65,8 @@ def checked_poses(p: Floats, q: Floats, *, file: Path, row: str = "pose") -> Tra
         bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if len(bad):
             raise DataError(f"{name} of {row} {bad[0] + 1} is not finite", file=file)
-    length = np.linalg.norm(q, axis=1)
+    with np.errstate(over="ignore"):  # a length past all numbers is refused just below
+        length = np.linalg.norm(q, axis=1)
     bad = np.flatnonzero(np.abs(length - 1.0) > QUATERNION_TOLERANCE)
     if len(bad):
         raise DataError(

@@ -92,8 +92,8 @@ class TakeWriter:
         for source, exchanges in columns.clocks.items():
             channel = self._channel(f"/clock/{source}", cdr.CLOCK_EXCHANGE)
             times = exchanges.received.tolist()
-            data = cdr.encode_exchanges(exchanges)
-            rows += zip(times, times, [channel] * len(times), data, strict=True)
+            encoded = cdr.encode_exchanges(exchanges)
+            rows += zip(times, times, [channel] * len(times), encoded, strict=True)
         for event in columns.events:
             channel = self._channel("/events", cdr.EVENT)
             rows.append((event.t, event.t, channel, cdr.encode_event(event)))

@@ -248,3 +248,19 @@ def test_a_missing_file_is_named(tmp_path):
         IMPORTER.read(tmp_path / "none.txt", NoOptions())
     with pytest.raises(DataError, match="can't be read"):
         IMPORTER.read(tmp_path, NoOptions())
+
+
+@given(st.lists(st.tuples(st.integers(0, 4000), st.binary(max_size=6)), min_size=1, max_size=4))
+def test_a_damaged_log_gives_poses_or_one_error(tmp_path_factory, places):
+    content = text(log()).encode()
+    for at, what in places:
+        content = content[:at] + what + content[at + max(len(what), 1) :]
+    path = tmp_path_factory.mktemp("log") / "eye.txt"
+    path.write_bytes(content)
+    try:
+        samples = IMPORTER.read(path, NoOptions()).samples
+    except DataError as error:
+        assert "eye.txt" in str(error)
+    else:
+        assert np.isfinite(samples.pose.p).all()
+        assert np.all(np.diff(samples.pose_t) > 0)
