@@ -92,8 +92,8 @@ class TakeWriter:
         for source, exchanges in columns.clocks.items():
             channel = self._channel(f"/clock/{source}", cdr.CLOCK_EXCHANGE)
             times = exchanges.received.tolist()
-            data = cdr.encode_exchanges(exchanges)
-            rows += zip(times, times, [channel] * len(times), data, strict=True)
+            encoded = cdr.encode_exchanges(exchanges)
+            rows += zip(times, times, [channel] * len(times), encoded, strict=True)
         for event in columns.events:
             channel = self._channel("/events", cdr.EVENT)
             rows.append((event.t, event.t, channel, cdr.encode_event(event)))
@@ -171,14 +171,13 @@ def _read_messages(
     path: Path,
 ) -> tuple[dict[tuple[str, str], list[tuple[int, bytes]]], dict[str, str]]:
     """(log time, bytes) of all messages by topic and schema, and the metadata."""
-    from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
     messages: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
     metadata: dict[str, str] = {}
     try:
         with path.open("rb") as file:
-            reader = make_reader(file)
+            reader = make_reader(file, validate_crcs=True)
             for record in reader.iter_metadata():
                 if record.name == METADATA:
                     metadata |= record.metadata
@@ -187,7 +186,7 @@ def _read_messages(
                 messages[channel.topic, name].append((message.log_time, message.data))
     except FileNotFoundError:
         raise DataError("no such take", file=path) from None
-    except (McapError, OSError, EOFError) as error:
+    except Exception as error:  # a damaged file can raise anything in its reader
         raise DataError(
             "is not a whole MCAP file", file=path, fix=f"record or import it again; {error}"
         ) from error
