@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from vrbench.estimation.correlation import (
     correlate,
     refined_peak,
 )
-from vrbench.estimation.drift import LONG_TAKE_S, fit_drift
-from vrbench.geometry import Floats
+from vrbench.estimation.drift import fit_drift
+from vrbench.geometry import Bools, Floats
 from vrbench.trajectory import NS, Trajectory
 
 MINIMUM_POSES = 20
@@ -144,7 +145,7 @@ def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Se
     )
 
 
-def _next_peak(r: Floats, best: int, inside: np.ndarray) -> tuple[float, int]:
+def _next_peak(r: Floats, best: int, inside: Bools) -> tuple[float, int]:
     """The largest correlation beyond the valleys on both sides of the best, and where it is."""
     filled = np.where(np.isfinite(r), r, -1.0)
     left = best
@@ -196,7 +197,7 @@ def _stretches(signal: Signal, steps_ns: Sequence[int]) -> list[Signal]:
     t = signal.t
     inner = sorted({int(s) for s in steps_ns if t[0] < s < t[-1]})
     borders = [int(t[0]), *inner, int(t[-1]) + 1]
-    return [signal.between(a, b - 1) for a, b in zip(borders[:-1], borders[1:], strict=True)]
+    return [signal.between(a, b - 1) for a, b in pairwise(borders)]
 
 
 def _require_overlap(
@@ -206,9 +207,7 @@ def _require_overlap(
     start = max(reference.t[0], estimate.t[0] - shift)
     end = min(reference.t[-1], estimate.t[-1] - shift)
     # with the offset as far off as the search allows, but no more in common than the shorter has
-    shared_s = min(
-        (end - start) / NS + reach_s, reference.duration_s, estimate.duration_s
-    )
+    shared_s = min((end - start) / NS + reach_s, reference.duration_s, estimate.duration_s)
     wanted = min(reference.duration_s, estimate.duration_s, MINIMUM_OVERLAP_S)
     if shared_s < wanted:
         raise EstimationError(

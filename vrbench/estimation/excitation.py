@@ -38,7 +38,7 @@ class Excitation:
     def text(self) -> str:
         """`96 deg about z, 17 deg about x, ...`, each axis by its largest component."""
         return ", ".join(
-            f"{spread:.2g} deg about {_axis_name(axis)}"
+            f"{spread:.1f} deg about {_axis_name(axis)}"
             for spread, axis in zip(self.spread_deg, self.axes, strict=True)
         )
 

@@ -100,7 +100,7 @@ def normal_equations(
                 b = hats[part][on]
                 inner[i] += (b * weight[:, None]).T @ b
                 mixed[i] += np.stack([b.T @ weighted[:, c] for c in range(3)])
-                slow_residual[i] += ((e * weight[:, None]).T @ b)
+                slow_residual[i] += (e * weight[:, None]).T @ b
     kinds = []
     for i in range(2):
         slow = np.zeros((3, h, k))
