@@ -15,6 +15,7 @@ from vrbench.geometry import (
     Floats,
     Transform,
     matrix_to_quat,
+    mean_rotation,
     quat_angle,
     quat_to_matrix,
     relative_angle,
@@ -22,8 +23,9 @@ from vrbench.geometry import (
 
 MINIMUM_POSES = 20
 _SOFT_ROUNDS, _ROUNDS, _REWEIGHTED = 8, 20, 10_000
-# Rotations that agree no better than this after the solve share no motion at all.
-UNRELATED_RAD = np.radians(15.0)
+# Rotations left over by the best mounting, as a part of the motion's own: another motion's are
+# about as large as the motion.
+UNRELATED = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +58,8 @@ def solve_handeye(T_base_tcp: Transform, T_world_eye: Transform) -> HandEye:
 
     Raises:
         EstimationError: fewer than 20 poses, values not finite, too little rotation
-            (`check_excitation`), a mirrored stream, orientations that are inverse or unrelated.
+            (`check_excitation`), a mirrored stream, positions and orientations of different
+            frames, orientations that are inverse or unrelated.
     """
     if len(T_base_tcp) != len(T_world_eye):
         raise ValueError(f"{len(T_base_tcp)} poses of the tcp for {len(T_world_eye)} of the eye")
@@ -71,7 +74,7 @@ def solve_handeye(T_base_tcp: Transform, T_world_eye: Transform) -> HandEye:
     rx, ry, w_rotation = _solve_rotations(A, E)
     _refuse_unrelated(A, E, rx, ry, w_rotation)
     px, py, w_translation = _solve_translations(A, T_base_tcp.p, T_world_eye.p @ ry.T, w_rotation)
-    _refuse_mirrored(A, T_base_tcp.p, T_world_eye.p, px, py, ry)
+    _refuse_other_frames(A, T_base_tcp.p, T_world_eye.p, px, py, ry)
     x, y = Transform(px, matrix_to_quat(rx)), Transform(py, matrix_to_quat(ry))
     inliers = (w_rotation > 0.0) & (w_translation > 0.0)
     translation, rotation = residuals(T_base_tcp[inliers], T_world_eye[inliers], x, y)
@@ -193,7 +196,8 @@ def _weighted_lstsq(design: Floats, right: Floats, weights: Floats) -> Floats:
 def _refuse_unrelated(A: Floats, E: Floats, rx: Floats, ry: Floats, weights: Floats) -> None:
     """Raises EstimationError where no X and Y bring the rotations together."""
     error = float(np.median(_angles(A @ rx, ry @ E)))
-    if error < UNRELATED_RAD:
+    motion = quat_to_matrix(mean_rotation(matrix_to_quat(A)))
+    if error < UNRELATED * float(np.median(_angles(A, np.broadcast_to(motion, A.shape)))):
         return
     inverse_x, inverse_y, _ = _solve_rotations(A, np.swapaxes(E, 1, 2))
     inverse = float(np.median(_angles(A @ inverse_x, inverse_y @ np.swapaxes(E, 1, 2))))
@@ -210,13 +214,13 @@ def _refuse_unrelated(A: Floats, E: Floats, rx: Floats, ry: Floats, weights: Flo
     )
 
 
-def _refuse_mirrored(
+def _refuse_other_frames(
     A: Floats, p_tcp: Floats, p_eye: Floats, px: Floats, py: Floats, ry: Floats
 ) -> None:
-    """Raises EstimationError where the eye's positions fit only through a mirror.
+    """Raises EstimationError where the eye's positions and rotations are not of one frame.
 
     A frame mirrored as a whole leaves rotations consistent, so the test is whether a free linear
-    map of the positions fits far better than the rotation, and mirrors.
+    map of the positions fits far better than the rotation does, and whether it mirrors.
     """
     few = slice(None, None, _stride(len(A)))
     A, p_tcp, p_eye = A[few], p_tcp[few], p_eye[few]
@@ -232,12 +236,18 @@ def _refuse_mirrored(
         error = np.linalg.norm(mapped @ free + p_tcp, axis=1)
         weights = soft_l1(error)
     stretch = np.linalg.svd(free[6:].reshape(3, 3), compute_uv=False)
-    mirrors = np.linalg.det(free[6:].reshape(3, 3)) < 0.0
-    if mirrors and stretch[2] > 0.5 and stretch[0] < 2.0 and np.median(error) < 0.2 * rigid:
+    if stretch[2] < 0.5 or stretch[0] > 2.0 or np.median(error) > 0.2 * rigid:
+        return
+    if np.linalg.det(free[6:].reshape(3, 3)) < 0.0:
         raise EstimationError(
             "the eye's poses are mirrored: they fit only in a left-handed frame",
             fix="convert the headset's poses to a right-handed frame at their import",
         )
+    raise EstimationError(
+        "the eye's positions and orientations are in different frames: one of them is turned, or "
+        "the orientations alone are mirrored",
+        fix="convert both the same way at their import",
+    )
 
 
 def _project(m: Floats) -> Floats:
