@@ -132,6 +132,13 @@ def test_a_mirrored_stream_is_named(truth, what):
         solve_handeye(tcp, Transform(p, q))
 
 
+def test_a_wrong_scale_is_no_mirror(truth):
+    head = truth(6)
+    tcp, eye = poses(head, (1e-4, 1e-4))
+    found = solve_handeye(tcp, Transform(eye.p * 1.2, eye.q))
+    assert relative_angle(found.x.q, head.x.q) < 1e-3
+
+
 def test_inverse_orientations_are_named(truth):
     tcp, eye = poses(truth(7), (1e-3, 1e-3))
     with pytest.raises(EstimationError, match="inverse"):

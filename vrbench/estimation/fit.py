@@ -107,7 +107,7 @@ def fit(
 ) -> Fit:
     """The parameters in `free` that bring `T_base_tcp(t) X` and `Y T_world_eye(t')` together.
 
-    Positions and rotations are weighed by their own scales, each by Cauchy's loss; both come from
+    Positions and rotations are weighed by their own scales, each by Tukey's loss; both come from
     the data. Under ten minutes a free skew has the prior 0 +- 50 ppm.
 
     Args:
@@ -139,6 +139,10 @@ def fit(
     state = State(0.0, 0.0, x, start.q, start.apply(model.mean_p), 1.0)
     hats = drift_hats(model, drift_s if "x" in free else None)
     prior = _skew_prior(model, clock, used)
+    if "scale" in free and len(names) > 1:
+        # with outliers still heavy, the scale would shrink towards zero to be rid of them
+        rigid = Model(spline, clock, used, _names(set(free) - {"scale"}))
+        state, _ = _iterate(rigid, state, prior, hats, tolerance=0.1)
     state, normal, covariance, block_s = _solve(model, state, prior, hats)
     _refuse_undetermined(names, covariance, state, max_offset_change_s)
     return _result(model, clock, state, normal, covariance, block_s, used)
@@ -211,14 +215,19 @@ def _solve(
 
 
 def _iterate(
-    model: Model, state: State, prior: _Prior, hats: Floats | None
+    model: Model,
+    state: State,
+    prior: _Prior,
+    hats: Floats | None,
+    *,
+    tolerance: float = CONVERGED,
 ) -> tuple[State, Normal]:
-    """Gauss-Newton with weights renewed at every step."""
+    """Gauss-Newton with weights renewed at every step, until steps are small beside sigmas."""
     limits = np.array([LARGEST_STEP.get(n, LARGEST_STEP.get(n[2:3], 0.0)) for n in model.names])
     for _ in range(MAX_ITERATIONS):
         normal = normal_equations(model, state, hats, *prior.terms(model.names, state))
         step = -normal.bread @ normal.gradient
-        if np.all(np.abs(step) < CONVERGED * np.sqrt(np.diag(normal.bread))):
+        if np.all(np.abs(step) < tolerance * np.sqrt(np.diag(normal.bread))):
             return state, normal
         state = state.moved(model.names, step / max(float(np.max(np.abs(step) / limits)), 1.0))
     raise EstimationError(

@@ -26,6 +26,7 @@ _SOFT_ROUNDS, _ROUNDS, _REWEIGHTED = 8, 20, 10_000
 # Rotations left over by the best mounting, as a part of the motion's own: another motion's are
 # about as large as the motion.
 UNRELATED = 0.3
+FRAME_TURN_DEG = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,19 +236,22 @@ def _refuse_other_frames(
         free = _weighted_lstsq(mapped, -p_tcp, weights)
         error = np.linalg.norm(mapped @ free + p_tcp, axis=1)
         weights = soft_l1(error)
-    stretch = np.linalg.svd(free[6:].reshape(3, 3), compute_uv=False)
+    linear = free[6:].reshape(3, 3)
+    stretch = np.linalg.svd(linear, compute_uv=False)
     if stretch[2] < 0.5 or stretch[0] > 2.0 or np.median(error) > 0.2 * rigid:
         return
-    if np.linalg.det(free[6:].reshape(3, 3)) < 0.0:
+    if np.linalg.det(linear) < 0.0:
         raise EstimationError(
             "the eye's poses are mirrored: they fit only in a left-handed frame",
             fix="convert the headset's poses to a right-handed frame at their import",
         )
-    raise EstimationError(
-        "the eye's positions and orientations are in different frames: one of them is turned, or "
-        "the orientations alone are mirrored",
-        fix="convert both the same way at their import",
-    )
+    turned = float(_angles(_project(linear)[None], ry[None])[0])
+    if turned > np.radians(FRAME_TURN_DEG):
+        raise EstimationError(
+            "the eye's positions and orientations are in different frames, turned by "
+            f"{np.degrees(turned):.0f} deg, or the orientations alone are mirrored",
+            fix="convert both the same way at their import",
+        )
 
 
 def _project(m: Floats) -> Floats:

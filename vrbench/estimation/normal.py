@@ -8,10 +8,12 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.estimation.model import Model, State
-from vrbench.estimation.robust import cauchy, scale_of
+from vrbench.estimation.robust import bisquare, scale_of
 from vrbench.geometry import Floats
 
-CAUCHY_CUT = 6.0
+# Wide, so that the heavy tails of real tracking count almost in full, yet jumps not at all: under
+# a scale that is free, even a little weight of a jump shrinks it.
+CUT = 15.0
 BIN_S = 0.1
 # How much of a slow residual stays with the parameters when drift is allowed.
 DRIFT_SHARE = 0.1
@@ -115,13 +117,14 @@ def normal_equations(
 
 
 def _weights(residual: Floats) -> Floats:
-    """Weights (n,) of residuals (n, 3) by Cauchy's loss, in units of 1 / variance."""
+    """Weights (n,) of residuals (n, 3) by Tukey's loss, in units of 1 / variance."""
     lengths = np.linalg.norm(residual, axis=1)
     known = np.isfinite(lengths)
     if not known.any():
         raise EstimationError("the fit left the reference's time", fix="check the clock")
-    scale = scale_of(lengths[known])
-    return np.where(known, cauchy(np.where(known, lengths, 0.0), scale, CAUCHY_CUT), 0.0) / scale**2
+    weights = np.zeros(len(lengths))
+    weights[known] = bisquare(lengths[known], CUT) / scale_of(lengths[known]) ** 2
+    return weights
 
 
 def _inverse(matrix: Floats, names: tuple[str, ...]) -> Floats:
