@@ -238,6 +238,19 @@ def test_skew_of_a_long_take(truth):
     assert abs(slope - 25e-6) < 4.0 * found.sigma("skew")
 
 
+def test_a_piecewise_clock_keeps_its_shape(truth):
+    head = truth(16)
+    reference, straight = head.reference(60.0), head.estimate(60.0, noise=NOISE)
+    middle = int(straight.t[0]) + 30 * NS
+    extra = np.rint(np.abs(straight.t - middle) * 1e-3).astype(np.int64)
+    estimate = Trajectory(straight.t + extra, straight.pose)
+    knots = estimate.t[[0, len(estimate) // 2, -1]]
+    clock = ClockMap(knots, extra[[0, len(estimate) // 2, -1]] + 0.004 * NS)
+    found = fit(reference, estimate, clock=clock, x=head.x)
+    assert np.array_equal(found.clock.knots, knots)
+    assert np.abs(found.clock.to_reference(estimate.t) - straight.t).max() < 5e5
+
+
 def test_slow_drift_of_the_world_does_not_reach_x(truth):
     head = truth(13)
     reference, estimate = head.reference(240.0), head.estimate(240.0, noise=NOISE)
