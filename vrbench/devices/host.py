@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import time
 
+from vrbench.streams import Event
 
-class SystemClock:
-    """UTC as the system told it once, carried on by a clock that nobody sets.
 
-    A step of the system's time during a run (NTP, a person) is not seen: intervals stay true.
+class RealClock:
+    """UTC as it was when this began, carried on by the monotonic clock.
+
+    NTP may step UTC in the midst of a take; this clock it can't bend. `reading` says how far the
+    two have come apart.
     """
 
     def __init__(self) -> None:
-        # the reading whose bracket is the narrowest of a few: a pause between two calls would stay
-        readings = []
-        for _ in range(5):
-            before, utc, after = time.perf_counter_ns(), time.time_ns(), time.perf_counter_ns()
-            readings.append((after - before, utc - (before + after) // 2))
-        self._origin = min(readings)[1]
+        self._anchor_ns = time.time_ns() - time.monotonic_ns()
 
     def now(self) -> int:
-        """Time [ns] since 1970, never stepping back."""
-        return self._origin + time.perf_counter_ns()
+        return self._anchor_ns + time.monotonic_ns()
 
     def wait(self, seconds: float) -> None:
-        """Lets time pass."""
         time.sleep(seconds)
+
+    def reading(self) -> Event:
+        """The clock and UTC at one moment, for the take."""
+        before = self.now()
+        utc = time.time_ns()
+        now = (before + self.now()) // 2
+        return Event(now, "utc", {"utc_ns": utc, "ahead_ns": now - utc})

@@ -10,7 +10,7 @@ from vrbench_webxr.emulator import FakePage, sway
 from vrbench_webxr.options import Options
 from vrbench_webxr.route import WebXRHeadset
 
-from vrbench.devices.host import SystemClock
+from vrbench.devices.host import RealClock
 from vrbench.devices.ports import Session
 from vrbench.geometry import Transform
 
@@ -34,7 +34,7 @@ FLAGS = [
 
 
 def session():
-    return Session(SystemClock(), Transform.identity(), seed=0)
+    return Session(RealClock(), Transform.identity(), seed=0)
 
 
 def _wait_for(condition, seconds=10.0):
@@ -80,7 +80,7 @@ def page(headset):
     with FakePage(headset.url) as fake:
         fake.begin_session()
         fake.frame(*sway(0.0))
-        _wait_for(lambda: headset.link.synchronised and headset.link.state is not None)
+        _wait_for(lambda: headset.link.synchronised and headset.server.state is not None)
         yield fake
 
 

@@ -185,7 +185,7 @@ def test_a_browser_without_a_headset_says_so_on_both_sides(headset, open_page):
     page = open_page(headset.url)
     page.wait_for_selector("text=No WebXR here")
     assert page.get_by_role("button", name="Start").is_disabled()
-    until(page, lambda: headset.link.hello is not None)
+    until(page, lambda: headset.server.hello is not None)
     what, fix = headset.missing
     assert what.startswith("this browser has no WebXR")
     assert headset.url in fix
@@ -215,7 +215,7 @@ def test_a_second_headset_is_told_that_there_is_one(headset, open_page):
 def test_a_page_of_another_origin_is_refused(headset, serving, open_page):
     with serving() as other:
         page = open_page(other.url, "metaQuest3")
-        until(page, lambda: other.link.hello is not None)
+        until(page, lambda: other.server.hello is not None)
         address = headset.url.replace("http", "ws") + "ws"
         # our policy forbids the page even to try; a page of another site has another policy
         outcome = page.evaluate(
@@ -230,4 +230,4 @@ def test_a_page_of_another_origin_is_refused(headset, serving, open_page):
         )
         assert outcome == "refused"
     time.sleep(0.05)
-    assert headset.link.hello is None
+    assert headset.server.hello is None

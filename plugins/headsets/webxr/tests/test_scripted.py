@@ -212,7 +212,7 @@ def test_who_does_not_introduce_itself_is_sent_away(headset, first, code):
         with pytest.raises(ConnectionClosed):
             socket.recv(timeout=5)
         assert socket.protocol.close_code == code
-    assert headset.link.hello is None
+    assert headset.server.hello is None
 
 
 @given(st.binary(max_size=400) | st.text(max_size=200))
@@ -351,7 +351,7 @@ def test_a_page_loaded_anew_has_a_new_world(headset, page, wait_for):
     time.sleep(0.5)
     page.disconnect()
     with FakePage(headset.url) as fresh:
-        wait_for(lambda: headset.link.hello.page == fresh.page)
+        wait_for(lambda: headset.server.hello.page == fresh.page)
         fresh.begin_session()
         fresh.frame(*STILL)
         wait_for(lambda: headset.link.synchronised)

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from vrbench.devices.link import CALLBACK, COLUMNS, EPOCH, FLAGS, NOW
 from vrbench.geometry import Floats
 
 VERSION = 1
@@ -19,20 +20,6 @@ MAX_MESSAGE_BYTES = 1 << 20
 MAX_TEXT_CHARS = 1 << 14
 MAX_ROWS = 4096
 HEADER = 4
-COLUMNS = (
-    "callback_ms",
-    "display_ms",
-    "now_ms",
-    *("x", "y", "z"),
-    *("qx", "qy", "qz", "qw"),
-    *("vx", "vy", "vz"),
-    *("wx", "wy", "wz"),
-    "flags",
-    "epoch",
-)
-CALLBACK, DISPLAY, NOW = 0, 1, 2
-P, Q, VELOCITIES = slice(3, 6), slice(6, 10), slice(10, 16)
-FLAGS, EPOCH = 16, 17
 # Sequence numbers, epochs and times are whole or real numbers that float64 holds exactly.
 LARGEST = 2.0**53
 

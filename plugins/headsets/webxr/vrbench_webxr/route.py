@@ -8,12 +8,12 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
+from vrbench.devices.link import Link
 from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns
 from vrbench_webxr.address import address, show, told
 from vrbench_webxr.certificate import context
-from vrbench_webxr.link import Link
 from vrbench_webxr.options import Options
 from vrbench_webxr.server import Server, new_token
 
@@ -40,6 +40,12 @@ class WebXRHeadset:
         self._options, self._host = options, session.host
         self._stack = ExitStack()
         self._server: Server | None = None
+
+    @property
+    def server(self) -> Server:
+        """What serves the page, once it is served."""
+        assert self._server is not None
+        return self._server
 
     def __enter__(self) -> Self:
         self.serve()
@@ -85,9 +91,13 @@ class WebXRHeadset:
             DeviceError: no session runs on the headset.
         """
         self._wait(READY_S, f"can't record {take}: no session runs on the headset")
-        self.link.begin(self._host.now())
-        if self._server is not None:
-            self._server.set_take(take)
+        server = self._server
+        assert server is not None
+        assert server.state is not None
+        facts = server.state.model_dump(exclude={"type", "held", "session"})
+        facts["pose_time"] = "display time where the browser gives it"
+        self.link.begin(self._host.now(), facts)
+        server.set_take(take)
 
     def mark(self, name: str) -> None:
         """Writes a mark into the take, and shows it on the page."""
@@ -110,13 +120,13 @@ class WebXRHeadset:
     @property
     def missing(self) -> tuple[str, str] | None:
         """What keeps the headset from being recorded, and what to do; None where nothing does."""
-        link = self.link
-        hello, state = link.hello, link.state
-        if self._server is None or not self._server.connected or hello is None:
+        link, server = self.link, self._server
+        hello = None if server is None else server.hello
+        if server is None or hello is None or not server.connected:
             return "no headset is connected", f"open {self.url} in its browser"
         if not hello.webxr:
             return f"this browser has no WebXR: {hello.reason}", f"open {self.url} on the headset"
-        if state is None or not state.session:
+        if server.state is None or not server.state.session:
             return "the headset's session isn't started", "press Start on the page"
         if not link.synchronised:
             return "the headset's clock isn't known yet", "wait a moment"
@@ -131,7 +141,9 @@ class WebXRHeadset:
         if missing is not None:
             yield Finding(False, *missing)
             return
-        hello, state = self.link.hello, self.link.state
+        server = self._server
+        assert server is not None
+        hello, state = server.hello, server.state
         assert hello is not None
         assert state is not None
         rate, tracked = self.link.rate(self._host.now())

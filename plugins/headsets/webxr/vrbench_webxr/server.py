@@ -18,11 +18,11 @@ from types import TracebackType
 from typing import Any, Self
 from urllib.parse import urlsplit
 
+from vrbench.devices.link import Link
 from vrbench.devices.ports import HostClock
 from vrbench.errors import DeviceError
 from vrbench.trajectory import NS
 from vrbench_webxr import protocol
-from vrbench_webxr.link import Link
 from vrbench_webxr.protocol import ProtocolError, message
 
 PING_S = 0.1
@@ -74,6 +74,11 @@ class Server:
         token: the secret part of the address.
         tls: for HTTPS; None is HTTP.
         rate_hz: the frame rate to ask the page for [Hz].
+
+    Attributes:
+        port: where it listens.
+        hello: how the page introduced itself; None before one has.
+        state: what the page last said of itself.
     """
 
     def __init__(
@@ -88,6 +93,8 @@ class Server:
         rate_hz: float | None = None,
     ) -> None:
         self.port = port
+        self.hello: protocol.Hello | None = None
+        self.state: protocol.State | None = None
         self._link, self._host = link, host
         self._address, self._token, self._tls, self._rate_hz = address, token, tls, rate_hz
         self._scheme = "https" if tls else "http"
@@ -262,7 +269,13 @@ class Server:
         from websockets.exceptions import ConnectionClosed
 
         self._connection, self._page = connection, hello.page
-        expected = self._link.on_hello(hello, self._host.now())
+        self.hello, self.state = hello, None
+        expected = self._link.on_hello(
+            hello.page,
+            round(hello.origin_ms * 1e6),
+            hello.model_dump(include={"client", "agent", "isolated"}),
+            self._host.now(),
+        )
         why = "closed by the headset"
         pings: dict[int, int] = {}
         answered = [self._host.now()]
@@ -292,7 +305,8 @@ class Server:
     def _receive(self, data: str | bytes, pings: dict[int, int], answered: list[int]) -> None:
         now = self._host.now()
         if isinstance(data, bytes):
-            self._link.on_batch(protocol.parse_batch(data), now)
+            batch = protocol.parse_batch(data)
+            self._link.on_frames(batch.first, batch.rows, now)
             return
         said = protocol.parse_text(data)
         if isinstance(said, protocol.Pong):
@@ -300,11 +314,11 @@ class Server:
             if sent is None:
                 raise ProtocolError(f"an answer to ping {said.id}, which was not sent")
             answered[0] = now
-            self._link.on_pong(said, sent, now)
+            self._link.on_answer(sent, said.received_ms, said.sent_ms, now)
         elif isinstance(said, protocol.State):
-            self._link.on_state(said)
+            self.state = said
         elif isinstance(said, protocol.PageEvent):
-            self._link.on_event(said, now)
+            self._link.on_event(said.id, said.kind, said.now_ms, said.detail, now)
         else:
             raise ProtocolError("a second hello")
 

@@ -1,4 +1,4 @@
-"""The headset's clock, followed while it is asked for its time: offsets, drift, and steps.
+"""A device's clock, followed while it is asked for its time: offsets, drift, and steps.
 
 Each answered ping bounds the offset between two clocks from both sides. Frames are mapped to the
 recorder's clock only when a ping before and a ping after them agree; between two that don't, the

@@ -1,7 +1,7 @@
-"""What is known of the headset that is connected, and its frames on the way into a take.
+"""Frames of a headset that is elsewhere, on their way into a take; public to authors of plugins.
 
-No sockets in here: the server hands in messages with their times of receipt, the route takes out
-columns. Frames wait until the clock can tell their times (`DeviceClock`).
+No sockets in here: a route's receiver hands in what comes, with the time of receipt, and the route
+takes out columns. Frames wait until the clock can tell their times (`DeviceClock`).
 """
 
 from __future__ import annotations
@@ -14,16 +14,30 @@ from typing import Any
 
 import numpy as np
 
+from vrbench.devices.follower import Answer, DeviceClock, exchanges_of
 from vrbench.geometry import Floats, Ints, Transform, quat_normalize
-from vrbench.streams import Columns, Event, Flag, Joints, Samples
+from vrbench.streams import GOOD, Columns, Event, Flag, Joints, Samples
 from vrbench.trajectory import NS, QUATERNION_TOLERANCE
-from vrbench_webxr import protocol
-from vrbench_webxr.clock import Answer, DeviceClock, exchanges_of
-from vrbench_webxr.protocol import Batch, Hello, PageEvent, Pong, State
+
+# What a frame is: times [ms] on the headset's clock, a pose [m], velocities [m/s, rad/s].
+COLUMNS = (
+    "callback_ms",
+    "display_ms",
+    "now_ms",
+    *("x", "y", "z"),
+    *("qx", "qy", "qz", "qw"),
+    *("vx", "vy", "vz"),
+    *("wx", "wy", "wz"),
+    "flags",
+    "epoch",
+)
+CALLBACK, DISPLAY, NOW = 0, 1, 2
+P, Q, VELOCITIES = slice(3, 6), slice(6, 10), slice(10, 16)
+FLAGS, EPOCH = 16, 17
 
 STREAM = "headset/eye"
 TIMES = "headset/frames"
-TIMES_NAMES = (*protocol.COLUMNS[:3], *protocol.COLUMNS[protocol.VELOCITIES])
+TIMES_NAMES = (*COLUMNS[:3], *COLUMNS[VELOCITIES])
 MS = 1_000_000
 # Frames this far apart are no frames dropped: the headset slept, or hid the session.
 PAUSE_NS = NS // 4
@@ -36,11 +50,11 @@ FUTURE_NS = 20_000_000
 
 
 @dataclass(slots=True, eq=False)
-class _Page:
-    """One loading of the page: its numbering and its clock start anew with it."""
+class _Run:
+    """One run of the headset's app: its numbering and its clock start anew with it."""
 
-    hello: Hello
     origin_ns: int
+    facts: Mapping[str, Any]
     expected: int | None = None
     last_event: int = -1
     last_now: float = -np.inf
@@ -58,17 +72,12 @@ class _Waiting:
 
 
 class Link:
-    """The state of one headset, from one `Hello` to the next; safe to use from two threads.
-
-    Attributes:
-        state: what the page last said of itself; None before it has.
-        hello: how the page introduced itself.
-    """
+    """One headset and its frames; safe to use from two threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._page: _Page | None = None
-        self._pages: dict[str, _Page] = {}
+        self._run: _Run | None = None
+        self._runs: dict[str, _Run] = {}
         self._clock = DeviceClock()
         self._epochs = 0
         self._epoch_of_last: int | None = None
@@ -83,32 +92,34 @@ class Link:
         self._events: list[Event] = []
         self._answers: list[Answer] = []
         self._recent: deque[tuple[int, int, int]] = deque(maxlen=100)
-        self.state: State | None = None
 
-    # What the server tells.
+    # What the receiver tells; t is always the time of receipt [ns] on the recorder's clock.
 
-    def on_hello(self, hello: Hello, t: int) -> int | None:
-        """A page connects, for the first time or again; the number of the frame it should go on at.
+    def on_hello(self, run: str, origin_ns: int, facts: Mapping[str, Any], t: int) -> int | None:
+        """An app connects, for the first time or again.
+
+        Args:
+            run: names this run of the app: a new one numbers its frames and epochs anew.
+            origin_ns: what its milliseconds are counted from [ns].
+            facts: of the device, for the take, in JSON's types.
 
         Returns:
-            the number that is expected next; None where the page is new here.
+            the number of the frame that is expected next; None where the run is new here.
         """
         with self._lock:
-            known = self._pages.get(hello.page)
+            known = self._runs.get(run)
             if known is None:
-                if self._page is not None:
-                    self._lose_clock(t, "the page was loaded anew")
-                known = _Page(hello, round(hello.origin_ms * MS))
-                self._pages = {hello.page: known}
+                if self._run is not None:
+                    self._lose_clock(t, "the headset's app was started anew")
+                known = _Run(origin_ns, facts)
+                self._runs = {run: known}
                 self._clock = DeviceClock()
-            self._page = known
-            self._tell(
-                t, "connection", {"state": "open", "agent": hello.agent, "client": hello.client}
-            )
+            self._run = known
+            self._tell(t, "connection", {"state": "open", **facts})
             return known.expected
 
     def on_closed(self, t: int, why: str) -> None:
-        """The connection is gone; the page may come back with what it holds."""
+        """The connection is gone; the app may come back with what it holds."""
         with self._lock:
             self._tell(t, "connection", {"state": "lost", "why": why})
 
@@ -117,35 +128,28 @@ class Link:
         with self._lock:
             self._tell(t, "refused", {"why": why})
 
-    def on_state(self, state: State) -> None:
-        """What the page says of itself."""
+    def on_event(
+        self, number: int, kind: str, at_ms: float, detail: Mapping[str, Any], t: int
+    ) -> None:
+        """Something happened on the headset; told once, however often its number comes."""
         with self._lock:
-            self.state = state
-
-    def on_event(self, event: PageEvent, t: int) -> None:
-        """Something happened on the headset; told once, however often it is sent."""
-        with self._lock:
-            page = self._page
-            if page is None or event.id <= page.last_event:
+            run = self._run
+            if run is None or number <= run.last_event:
                 return
-            page.last_event = event.id
-            at = page.origin_ns + round(event.now_ms * MS)
+            run.last_event = number
             if self._clock.until is not None:
+                at = run.origin_ns + round(at_ms * MS)
                 t = min(t, int(self._clock.to_host(np.array([at]))[0]))
-            self._tell(t, event.kind, event.detail)
+            self._tell(t, kind, detail)
 
-    def on_pong(self, pong: Pong, sent: int, t: int) -> None:
-        """A ping, sent at `sent`, was answered."""
+    def on_answer(self, sent: int, received_ms: float, sent_ms: float, t: int) -> None:
+        """The headset told its time, at a request that left at `sent` [ns]."""
         with self._lock:
-            page = self._page
-            if page is None:
+            run = self._run
+            if run is None:
                 return
-            answer = Answer(
-                sent,
-                page.origin_ns + round(pong.received_ms * MS),
-                page.origin_ns + round(pong.sent_ms * MS),
-                t,
-            )
+            received, answered = (run.origin_ns + round(ms * MS) for ms in (received_ms, sent_ms))
+            answer = Answer(sent, received, answered, t)
             if self._taking:
                 self._answers.append(answer)
             if not self._clock.add(answer, at_once=self._taking and self._stop_t is not None):
@@ -153,36 +157,41 @@ class Link:
                 self._clock.add(answer)
             self._confirm()
 
-    def on_batch(self, batch: Batch, t: int) -> None:
-        """Frames arrive; those that came before are passed by, those missing are told."""
+    def on_frames(self, first: int, rows: Floats, t: int) -> None:
+        """Frames arrive; those that came before are passed by, those missing are told.
+
+        Args:
+            first: the number of the first; they are numbered without holes.
+            rows: `COLUMNS` of each (n, 18), n > 0.
+        """
         with self._lock:
-            page = self._page
-            if page is None:
+            run = self._run
+            if run is None:
                 return
-            rows, expected = batch.rows, page.expected
+            expected, end = run.expected, first + len(rows)
             if expected is not None:
-                if batch.first > expected:
-                    missing = batch.first - expected
+                if first > expected:
+                    missing = first - expected
                     self._tell(
                         t, "gap", {"kind": "sequence", "missing": missing, "first": expected}
                     )
-                rows = rows[max(0, expected - batch.first) :]
+                rows = rows[max(0, expected - first) :]
             if not len(rows):
                 return
-            page.expected = batch.first + len(batch.rows)
-            epochs = self._numbered(page, rows)
-            now = rows[:, protocol.NOW]
-            back = np.flatnonzero(np.diff(now, prepend=page.last_now) < 0)
-            page.last_now = float(now[-1])
-            self._recent.append((t, len(rows), int((rows[:, protocol.FLAGS] == 15).sum())))
+            run.expected = end
+            epochs = self._numbered(run, rows)
+            now = rows[:, NOW]
+            back = np.flatnonzero(np.diff(now, prepend=run.last_now) < 0)
+            run.last_now = float(now[-1])
+            self._recent.append((t, len(rows), int((rows[:, FLAGS] == GOOD).sum())))
             if len(back):
                 # what is before the last such place is of a clock that is gone
                 cut = int(back[-1])
                 if cut:
-                    self._waiting.append(_Waiting(rows[:cut], epochs[:cut], t, page.origin_ns))
+                    self._waiting.append(_Waiting(rows[:cut], epochs[:cut], t, run.origin_ns))
                 self._lose_clock(t, "frames go back in time")
                 rows, epochs = rows[cut:], epochs[cut:]
-            self._waiting.append(_Waiting(rows, epochs, t, page.origin_ns))
+            self._waiting.append(_Waiting(rows, epochs, t, run.origin_ns))
             if not self._taking and len(self._waiting) > 1000:
                 self._waiting.popleft()
             self._confirm()
@@ -190,17 +199,11 @@ class Link:
     # What the route asks.
 
     @property
-    def hello(self) -> Hello | None:
-        """How the page introduced itself; None before one has."""
-        page = self._page
-        return None if page is None else page.hello
-
-    @property
     def acknowledged(self) -> tuple[int | None, int]:
-        """The frame expected next, and the last event: what the page need not hold any longer."""
+        """The frame expected next, and the last event: what need not be held any longer."""
         with self._lock:
-            page = self._page
-            return (None, -1) if page is None else (page.expected, page.last_event)
+            run = self._run
+            return (None, -1) if run is None else (run.expected, run.last_event)
 
     @property
     def synchronised(self) -> bool:
@@ -226,14 +229,20 @@ class Link:
         with self._lock:
             return bool(self._recent) and t - self._recent[-1][0] < ASLEEP_NS
 
-    def begin(self, t: int) -> None:
-        """A take begins: frames made from now on belong to it."""
+    def begin(self, t: int, facts: Mapping[str, Any]) -> None:
+        """A take begins: frames made from now on belong to it.
+
+        Args:
+            t: the recorder's time [ns].
+            facts: of headset and session, for the take, in JSON's types.
+        """
         with self._lock:
             self._taking, self._start_t, self._stop_t = True, t, None
             self._confirmed_t, self._last_time = 0, None
             self._samples, self._times, self._events, self._answers = [], [], [], []
             self._epoch_of_last = None
-            self._tell(t, "headset", self._facts())
+            known = {} if self._run is None else dict(self._run.facts)
+            self._tell(t, "headset", {**known, **facts, "clock_bound_s": self.bound_s})
 
     def end(self, t: int) -> None:
         """The take ends: frames made after this moment don't belong to it."""
@@ -282,24 +291,14 @@ class Link:
         if self._taking:
             self._events.append(Event(t, event, dict(detail)))
 
-    def _facts(self) -> dict[str, Any]:
-        """What the take should say of the headset, its browser and its session."""
-        facts: dict[str, Any] = {"pose_time": "display time where the browser gives it"}
-        if self._page is not None:
-            facts |= self._page.hello.model_dump(include={"client", "agent", "isolated"})
-        if self.state is not None:
-            facts |= self.state.model_dump(exclude={"type", "held", "session"})
-        facts["clock_bound_s"] = self.bound_s
-        return facts
-
-    def _numbered(self, page: _Page, rows: Floats) -> Ints:
-        """The take's own numbers of the page's epochs (n,): one more at every new one."""
-        theirs = rows[:, protocol.EPOCH].astype(np.int64)
+    def _numbered(self, run: _Run, rows: Floats) -> Ints:
+        """Our own numbers of the app's epochs (n,): one more at every new one."""
+        theirs = rows[:, EPOCH].astype(np.int64)
         for epoch in dict.fromkeys(theirs.tolist()):
-            if epoch not in page.epochs:
-                page.epochs[epoch] = self._epochs
+            if epoch not in run.epochs:
+                run.epochs[epoch] = self._epochs
                 self._epochs += 1
-        return np.array([page.epochs[epoch] for epoch in theirs.tolist()], dtype=np.int64)
+        return np.array([run.epochs[epoch] for epoch in theirs.tolist()], dtype=np.int64)
 
     def _lose_clock(self, t: int, why: str) -> None:
         """The times of frames that wait can't be told any more, and the clock is followed anew."""
@@ -312,7 +311,7 @@ class Link:
         since, until = self._clock.since, self._clock.until
         while until is not None and since is not None and self._waiting:
             waiting = self._waiting[0]
-            now = _ns(waiting.rows[:, protocol.NOW], waiting.origin_ns)
+            now = _ns(waiting.rows[:, NOW], waiting.origin_ns)
             ready = int(np.searchsorted(now, until, side="right"))
             if ready:
                 self._pass_on(waiting, slice(0, ready), now[:ready], now[:ready] >= since)
@@ -344,10 +343,10 @@ class Link:
         rows = waiting.rows[part]
         host = self._clock.to_host(now)
         sound = known & (host <= waiting.receive_t + FUTURE_NS)
-        display = rows[:, protocol.DISPLAY]
-        ahead = display - rows[:, protocol.NOW]
+        display = rows[:, DISPLAY]
+        ahead = display - rows[:, NOW]
         shown = np.isfinite(ahead) & (np.abs(ahead) < FARTHEST_DISPLAY_MS)
-        refers = np.where(shown, display, rows[:, protocol.CALLBACK])
+        refers = np.where(shown, display, rows[:, CALLBACK])
         pose_t = self._clock.to_host(_ns(refers, waiting.origin_ns))
         host = np.where(sound, host, self._untold_t(waiting))
         pose_t = np.where(sound, pose_t, waiting.receive_t)
@@ -375,7 +374,7 @@ class Link:
         receive_t = np.full(n, waiting.receive_t)
         self._samples.append(
             Samples(
-                source_t=_ns(rows[:, protocol.CALLBACK], waiting.origin_ns),
+                source_t=_ns(rows[:, CALLBACK], waiting.origin_ns),
                 pose_t=pose_t,
                 receive_t=receive_t,
                 pose=pose,
@@ -383,7 +382,7 @@ class Link:
                 epoch=epochs.astype(np.uint32),
             )
         )
-        times = np.hstack((rows[:, :3], rows[:, protocol.VELOCITIES]))
+        times = np.hstack((rows[:, :3], rows[:, VELOCITIES]))
         self._times.append(Joints(host, receive_t, times, np.zeros_like(times), TIMES_NAMES))
 
     def _tell_pauses(self, host: Ints, epochs: Ints) -> None:
@@ -410,8 +409,8 @@ def _checked(rows: Floats, sound: Any) -> tuple[Transform, Any]:
 
     What is no pose is written as the identity, with its flags cleared.
     """
-    p, q = rows[:, protocol.P], rows[:, protocol.Q]
-    flags = np.where(sound, rows[:, protocol.FLAGS], 0.0).astype(np.uint32)
+    p, q = rows[:, P], rows[:, Q]
+    flags = np.where(sound, rows[:, FLAGS], 0.0).astype(np.uint32)
     places = np.asarray(np.isfinite(p).all(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
         turns = np.asarray(np.abs(np.linalg.norm(q, axis=1) - 1.0) < QUATERNION_TOLERANCE)
