@@ -271,6 +271,11 @@ class Link:
         with self._lock:
             self._tell(t, "mark", {"name": name})
 
+    def tell(self, t: int, kind: str, detail: Mapping[str, Any]) -> None:
+        """An event that the route knows of."""
+        with self._lock:
+            self._tell(t, kind, detail)
+
     def take(self) -> Columns:
         """What the take has gained since the last call."""
         with self._lock:
