@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from vrbench.estimation.correlation import (
     correlate,
     refined_peak,
 )
-from vrbench.estimation.drift import fit_drift
-from vrbench.geometry import Floats
+from vrbench.estimation.drift import LONG_TAKE_S, fit_drift
+from vrbench.geometry import Bools, Floats
 from vrbench.trajectory import NS, Trajectory
 
 MINIMUM_POSES = 20
@@ -40,7 +41,8 @@ class ClockFit:
         clock: from the estimate's clock to the reference's.
         offset_s: the estimate's clock minus the reference's, in the middle of the overlap [s].
         skew: growth of the offset [s/s]; 0 in takes of less than ten minutes.
-        correlation: of the angular speeds at that offset.
+        correlation: of the angular speeds at that offset; in takes of more than ten minutes, of the
+            ten with most motion; with steps, the least of the stretches.
         distinctness: `correlation` over that of the next separate peak; inf if there is none.
         residual_s: root mean square difference between the offsets of local windows and the
             clock [s]; None if the overlap holds fewer than two windows.
@@ -84,9 +86,9 @@ def estimate_clock(
     _require_overlap(reference, estimate, around_s, reach_s)
     first, second = _signals(reference, estimate)
     stretches = _stretches(second, steps_ns)
-    seeds = [_seed(first, part, around_s, reach_s) for part in stretches]
-    # the longest stretch speaks for the take
-    main = seeds[int(np.argmax([seed.overlap_s for seed in seeds]))]
+    seeds = [_seed(first, _liveliest(part), around_s, reach_s) for part in stretches]
+    # the least certain stretch speaks for the take
+    main = min(seeds, key=lambda seed: seed.correlation)
     drift = fit_drift(first, stretches, [seed.offset_ns for seed in seeds])
     t = second.t
     middle = int(t[0] + (t[-1] - t[0]) // 2)
@@ -97,7 +99,7 @@ def estimate_clock(
         correlation=main.correlation,
         distinctness=main.distinctness,
         residual_s=drift.residual_s,
-        overlap_s=sum(seed.overlap_s for seed in seeds),
+        overlap_s=_overlap_s(first, second, drift.clock),
     )
 
 
@@ -106,7 +108,6 @@ class _Seed:
     offset_ns: float
     correlation: float
     distinctness: float
-    overlap_s: float
 
 
 def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Seed:
@@ -139,12 +140,28 @@ def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Se
             f"{found.offset_ns[at] / NS:.3f} s ({other:.4f})",
             fix="the motion repeats: bound the search to less than half a loop",
         )
-    return _Seed(
-        offset, peak, peak / other if other > 0.0 else np.inf, found.common[best] * STEP_NS / NS
-    )
+    return _Seed(offset, peak, peak / other if other > 0.0 else np.inf)
 
 
-def _next_peak(r: Floats, best: int, inside: np.ndarray) -> tuple[float, int]:
+def _liveliest(signal: Signal) -> Signal:
+    """The ten minutes in which the angular speed varies most: over hours, skew smears the peak."""
+    size = int(LONG_TAKE_S * NS / STEP_NS)
+    if len(signal.value) <= size:
+        return signal
+    starts = range(0, len(signal.value) - size + 1, size)
+    best = max(starts, key=lambda i: float(np.var(signal.value[i : i + size])))
+    return signal.between(int(signal.t[best]), int(signal.t[best + size - 1]))
+
+
+def _overlap_s(first: Signal, second: Signal, clock: ClockMap) -> float:
+    """For how long both signals are known [s]."""
+    t = clock.to_reference(second.t[second.mask])
+    at = (t - first.start_ns + STEP_NS // 2) // STEP_NS
+    at = at[(at >= 0) & (at < len(first.mask))]
+    return float(first.mask[at].sum()) * STEP_NS / NS
+
+
+def _next_peak(r: Floats, best: int, inside: Bools) -> tuple[float, int]:
     """The largest correlation beyond the valleys on both sides of the best, and where it is."""
     filled = np.where(np.isfinite(r), r, -1.0)
     left = best
@@ -196,7 +213,7 @@ def _stretches(signal: Signal, steps_ns: Sequence[int]) -> list[Signal]:
     t = signal.t
     inner = sorted({int(s) for s in steps_ns if t[0] < s < t[-1]})
     borders = [int(t[0]), *inner, int(t[-1]) + 1]
-    return [signal.between(a, b - 1) for a, b in zip(borders[:-1], borders[1:], strict=True)]
+    return [signal.between(a, b - 1) for a, b in pairwise(borders)]
 
 
 def _require_overlap(

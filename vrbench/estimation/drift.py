@@ -10,8 +10,7 @@ import numpy as np
 from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
 from vrbench.estimation.correlation import STEP_NS, Signal, correlate, refined_peak
-from vrbench.estimation.robust import bisquare
-from vrbench.geometry import Floats, Ints
+from vrbench.geometry import Bools, Floats, Ints
 from vrbench.trajectory import NS
 
 LONG_TAKE_S = 600.0
@@ -104,6 +103,8 @@ def _piecewise(t: Ints, local: Floats, ends: Ints) -> tuple[Ints, Floats]:
             f"{(ends[1] - ends[0]) / NS:.0f} s",
             fix="the drift of a long take needs motion throughout",
         )
+    believed = _without_outliers(local)
+    t, local = t[believed], local[believed]
     most = int((ends[1] - ends[0]) / NS // KNOT_SPACING_S)
     best: tuple[float, Ints, Floats] | None = None
     pieces = 1
@@ -118,17 +119,20 @@ def _piecewise(t: Ints, local: Floats, ends: Ints) -> tuple[Ints, Floats]:
     return best[1], best[2]
 
 
+def _without_outliers(local: Floats) -> Bools:
+    """Which offsets (k,) lie near the median of themselves and their four neighbours."""
+    padded = np.concatenate((local[2:0:-1], local, local[-2:-4:-1]))
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    error = np.abs(local - smooth)
+    return error <= 6.0 * 1.4826 * max(float(np.median(error)), 1e3)
+
+
 def _hat_fit(t: Ints, local: Floats, knots: Ints) -> tuple[Floats, float]:
-    """Values at the knots by robust least squares, and the weighted mean square error [ns^2]."""
+    """Values at the knots by least squares, and the mean square error [ns^2]."""
     s, s_knots = (t - knots[0]) / NS, (knots - knots[0]) / NS
     basis = np.stack([np.interp(s, s_knots, hat) for hat in np.eye(len(knots))], axis=1)
-    weights = np.ones(len(t))
     middle = float(np.median(local))
-    for _ in range(10):
-        root = np.sqrt(weights)[:, None]
-        solution, *_ = np.linalg.lstsq(root * basis, root[:, 0] * (local - middle), rcond=None)
-        error = np.abs(local - middle - basis @ solution)
-        weights = bisquare(error)
+    solution, *_ = np.linalg.lstsq(basis, local - middle, rcond=None)
+    error = local - middle - basis @ solution
     # nanoseconds squared, from 1 ns on: exact data have no logarithm
-    cost = float(weights @ error**2 / weights.sum()) + 1.0
-    return solution + middle, cost
+    return solution + middle, float(np.mean(error**2)) + 1.0
