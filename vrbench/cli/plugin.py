@@ -40,3 +40,33 @@ def list_() -> None:
     ]
     offers += [["suite", name, str(path.name)] for name, path in plugins.suites.items()]
     show_table("What they offer", ["kind", "name", "title"], offers)
+
+
+@command.command(
+    "emulate",
+    context_settings={"ignore_unknown_options": True},
+    epilog="Example: vrbench plugin emulate optitrack -- --version 3.1 --multicast",
+)
+@click.argument("device")
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def emulate(device: str, arguments: tuple[str, ...]) -> None:
+    """Run the emulator of DEVICE on this computer; ARGUMENTS are its own, `-- --help` lists them."""
+    import subprocess
+    import sys
+
+    from vrbench.errors import ConfigError
+    from vrbench.plugin.manager import Plugins
+
+    plugins = Plugins()
+    specs = [*plugins.headsets.values(), *plugins.mocap.values(), *plugins.robots.values()]
+    modules = {spec.name: spec.emulator for spec in specs if spec.emulator is not None}
+    if device not in modules:
+        raise ConfigError(
+            f"no emulator of {device!r}", fix=f"there are {', '.join(sorted(modules)) or 'none'}"
+        )
+    running = subprocess.Popen([sys.executable, "-m", modules[device], *arguments])
+    try:
+        sys.exit(running.wait())
+    except KeyboardInterrupt:
+        running.terminate()
+        sys.exit(running.wait())

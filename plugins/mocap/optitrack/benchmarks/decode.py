@@ -34,9 +34,7 @@ def frame(bodies: int, markers: int) -> Frame:
         ],
         skeletons=[],
         assets=[],
-        labeled_markers=[
-            LabeledMarker(i, place, 0.014, 10, 0.0002) for i in range(markers)
-        ],
+        labeled_markers=[LabeledMarker(i, place, 0.014, 10, 0.0002) for i in range(markers)],
         force_plates=[],
         devices=[],
         suffix=Suffix(0, 0, 1.5, 0.0, 1, 2, 3, 4, 5, 0),

@@ -1,6 +1,6 @@
 """Throws damaged and made-up packets at every decoder; anything but NatNetError is a failure.
 
-    python benchmarks/fuzz.py [INPUTS] [SEED]
+python benchmarks/fuzz.py [INPUTS] [SEED]
 """
 
 from __future__ import annotations
@@ -33,9 +33,13 @@ NASTY = [b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff", b"\0\0\0\x80", b"\x00\x00\x01
 
 
 def seeds() -> list[bytes]:
-    body = BodyModel("b", 1, -1, (0.0,) * 3, markers=((0.0,) * 3,), labels=(0,), marker_names=("m",))
+    body = BodyModel(
+        "b", 1, -1, (0.0,) * 3, markers=((0.0,) * 3,), labels=(0,), marker_names=("m",)
+    )
     models = [body, MarkerSetModel("s", ("a", "b")), CameraModel("c", (0.0,) * 3, (0.0,) * 4)]
-    packets = [encode_serverinfo(ServerInfo("Motive", (3,) * 4, (4, 1, 0, 0), 10**7, 1511, True, ""))]
+    packets = [
+        encode_serverinfo(ServerInfo("Motive", (3,) * 4, (4, 1, 0, 0), 10**7, 1511, True, ""))
+    ]
     for version in VERSIONS:
         packets += [encode_frame(frame(2, 6), version), encode_models(models, version)]
     return packets
@@ -72,7 +76,10 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000
     rng = random.Random(int(sys.argv[2]) if len(sys.argv) > 2 else 1)
     plain: list[Callable[[bytes], Any]] = [
-        decode_serverinfo, decode_greeting, decode_echo_response, decode_number
+        decode_serverinfo,
+        decode_greeting,
+        decode_echo_response,
+        decode_number,
     ]
     refused = read = 0
     slowest = 0.0

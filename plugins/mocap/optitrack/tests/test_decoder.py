@@ -84,7 +84,12 @@ def frames(draw, version):
     body_params = i16 if params else st.just(UNSAID)
     bodies = st.builds(RigidBody, i32, vectors, quaternions, f32, body_params, carried)
     markers = st.builds(
-        LabeledMarker, i32, vectors, f32, i16 if params else st.just(0), f32 if new else st.just(0.0)
+        LabeledMarker,
+        i32,
+        vectors,
+        f32,
+        i16 if params else st.just(0),
+        f32 if new else st.just(0.0),
     )
     channels = st.builds(Channels, i32, few(few(f32).map(tuple)))
     zero = st.just(0)
@@ -92,7 +97,9 @@ def frames(draw, version):
         Suffix,
         timecode=u32,
         timecode_sub=u32,
-        timestamp=(f32 if version < (2, 7) else st.floats(allow_nan=False)) if params else st.just(0.0),
+        timestamp=(f32 if version < (2, 7) else st.floats(allow_nan=False))
+        if params
+        else st.just(0.0),
         latency=st.just(0.0) if new else f32,
         mid_exposure=u64 if new else zero,
         data_received=u64 if new else zero,
@@ -297,9 +304,7 @@ def later(packet, section, extra):
 
 
 def test_a_later_version_is_read_by_the_sizes_of_its_sections():
-    bodies = [
-        RigidBody(i, (1.0 + i, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), 0.5, 1) for i in range(3)
-    ]
+    bodies = [RigidBody(i, (1.0 + i, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), 0.5, 1) for i in range(3)]
     markers = [LabeledMarker(i, (1.0, 2.0, float(i)), 0.5, 1, 0.25) for i in range(2)]
     suffix = Suffix(1, 2, 3.0, 0.0, 4, 5, 6, 7, 8, 9)
     frame = Frame(5, [], [], bodies, [], [], markers, [], [], suffix)
@@ -324,7 +329,9 @@ def test_a_later_description_of_a_camera_is_kept_as_bytes_and_the_bodies_are_rea
 
 def test_names_that_are_not_utf_8_stay_distinct():
     def named(raw):
-        frame = bytearray(encode_frame(Frame(1, [MarkerSet("ab", [])], *[[]] * 7, Suffix(*[0] * 10)), (4, 0)))
+        frame = bytearray(
+            encode_frame(Frame(1, [MarkerSet("ab", [])], *[[]] * 7, Suffix(*[0] * 10)), (4, 0))
+        )
         at = frame.index(b"ab\0")
         frame[at : at + 2] = raw
         return decode_frame(bytes(frame), (4, 0)).marker_sets[0].name
@@ -365,7 +372,9 @@ def test_greetings_commands_and_echoes_come_back():
 def test_errors_say_where_and_why_and_survive_pickling():
     import pickle
 
-    with pytest.raises(VrbenchError, match="byte 2: the header promises 8 bytes, 2 follow") as caught:
+    with pytest.raises(
+        VrbenchError, match="byte 2: the header promises 8 bytes, 2 follow"
+    ) as caught:
         message_of(b"\x07\0\x08\0\0\0")
     again = pickle.loads(pickle.dumps(caught.value))
     assert (again.offset, again.reason) == (caught.value.offset, caught.value.reason)

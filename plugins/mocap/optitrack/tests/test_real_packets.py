@@ -90,7 +90,10 @@ def test_the_handshake_of_3_0(natnet):
     for name in ("connect_packet_v3", "discovery_packet_v3"):
         greeting, want = decode_greeting(real(natnet, name)), expected(natnet, name)
         assert greeting.name == want["payload"]
-        assert [list(greeting.version), list(greeting.natnet)] == [want["version1"], want["version2"]]
+        assert [list(greeting.version), list(greeting.natnet)] == [
+            want["version1"],
+            want["version2"],
+        ]
     stamp = expected(natnet, "echorequest_packet_v3")["timestamp"]
     assert decode_echo_request(real(natnet, "echorequest_packet_v3")) == stamp
     want = expected(natnet, "echoresponse_packet_v3")
@@ -209,7 +212,9 @@ def test_the_quick_path_agrees_with_the_whole_frame(natnet):
         if message_of(raw) == 7:
             frame, quick = decode_frame(raw, version), decode_bodies(raw, version)
             assert (quick.number, quick.suffix) == (frame.number, frame.suffix), name
-            whole = [(b.id, *b.position, *b.orientation, b.mean_error, b.params) for b in frame.bodies]
+            whole = [
+                (b.id, *b.position, *b.orientation, b.mean_error, b.params) for b in frame.bodies
+            ]
             assert quick.bodies == whole, name
 
 

@@ -73,9 +73,7 @@ def _marker_set(markers: MarkerSet) -> bytes:
 
 def _body(body: RigidBody, layout: Layout) -> bytes:
     if not layout.body_markers:
-        return BODY.pack(
-            body.id, *body.position, *body.orientation, body.mean_error, body.params
-        )
+        return BODY.pack(body.id, *body.position, *body.orientation, body.mean_error, body.params)
     parts = [struct.pack("<i7fi", body.id, *body.position, *body.orientation, len(body.markers))]
     parts += [VECTOR.pack(*marker.position) for marker in body.markers]
     parts += [INT.pack(marker.id) for marker in body.markers]

@@ -318,8 +318,9 @@ def _strided(
     stride, rest = divmod(size, count)
     if rest or stride < item.size or (stride > item.size and not layout.later):
         raise NatNetError(
-            at - 4, f"{count} items in {size} bytes: {item.size} each in NatNet "
-            f"{version_text(layout.version)}"
+            at - 4,
+            f"{count} items in {size} bytes: {item.size} each in NatNet "
+            f"{version_text(layout.version)}",
         )
     return [item.unpack_from(packet, at + i * stride) for i in range(count)]
 

@@ -287,9 +287,7 @@ def decode_greeting(packet: bytes) -> Greeting:
     if reader.left < _OPTIONS.size:
         return greeting
     only, bitstream = reader.unpack(_OPTIONS, "the options")
-    return Greeting(
-        greeting.name, greeting.version, greeting.natnet, bool(only), tuple(bitstream)
-    )
+    return Greeting(greeting.name, greeting.version, greeting.natnet, bool(only), tuple(bitstream))
 
 
 def encode_greeting(greeting: Greeting, message: Message = Message.CONNECT) -> bytes:
