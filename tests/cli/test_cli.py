@@ -86,7 +86,7 @@ def test_a_run_without_calibration_is_scored_as_invalid(tmp_path: Path, run: Pat
         (["import", "gone.yaml"], "gone.yaml: no such file"),
         (["evaluate", "gone"], "gone: is not a run"),
         (["leaderboard", "gone"], "gone: is not a run"),
-        (["suite", "check", "odd.yaml"], "odd.yaml:14:1: colour: Extra inputs are not permitted"),
+        (["suite", "check", "odd.yaml"], "odd.yaml:14:1: colour: there is no such field"),
         (["dance"], "No such command 'dance'"),
     ],
 )

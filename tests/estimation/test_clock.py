@@ -207,17 +207,37 @@ def test_a_clock_that_changes_its_rate_is_piecewise_affine(truth):
     assert np.abs(error).max() < 4e6
 
 
-def test_a_clock_that_was_set_has_a_step(truth):
+@pytest.mark.parametrize("step_s", [2.0, 0.01])
+def test_a_clock_that_was_set_has_a_step(truth, step_s):
     head = truth(17)
     reference = head.reference(240.0)
     estimate = head.estimate(240.0, noise=NOISE)
-    half = len(estimate) // 2
-    t = estimate.t + np.where(np.arange(len(estimate)) < half, 0, 2 * NS)
+    half = len(estimate) // 3
+    t = estimate.t + np.where(np.arange(len(estimate)) < half, 0, int(step_s * NS))
     stepped = Trajectory(t, estimate.pose)
     found = estimate_clock(reference, stepped, steps_ns=[int(t[half])])
     assert np.abs(found.clock.to_reference(t) - estimate.t).max() < 5e5
+
+
+def test_a_step_nobody_told_of_is_refused(truth):
+    head = truth(17)
+    estimate = head.estimate(240.0, noise=NOISE)
+    t = estimate.t + np.where(np.arange(len(estimate)) < len(estimate) // 2, 0, 2 * NS)
     with pytest.raises(EstimationError):
-        estimate_clock(reference, stepped)
+        estimate_clock(head.reference(240.0), Trajectory(t, estimate.pose))
+
+
+def test_a_stretch_too_short_for_a_clock_is_named(truth):
+    head = truth(18)
+    estimate = head.estimate(60.0, noise=NOISE)
+    with pytest.raises(EstimationError, match=r"estimate from .* tracked for 1\.\d+ s only"):
+        estimate_clock(head.reference(60.0), estimate, steps_ns=[int(estimate.t[-100])])
+
+
+def test_a_peak_at_the_border_of_the_search_is_refused(truth):
+    head = truth(19)
+    with pytest.raises(EstimationError, match="still grows where the search ends"):
+        estimate_clock(head.reference(60.0), head.estimate(60.0, offset_s=0.15), search_s=0.1)
 
 
 EXPECTED = {

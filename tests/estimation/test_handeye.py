@@ -199,6 +199,21 @@ PAPER_X = {
 HALF_TURN = Transform(np.zeros(3), np.array([0.0, 1.0, 0.0, 0.0]))
 
 
+@pytest.mark.parametrize(
+    ("device", "offset_s", "printed_mm", "printed_deg"),
+    [("quest2", -0.27, 9.3, 0.178), ("quest_pro", 0.0, 6.2, 0.209)],
+)
+def test_the_papers_residuals_come_out_of_its_mounting(
+    recordings, device, offset_s, printed_mm, printed_deg
+):
+    take = recordings[device, "calib"]
+    covered, tcp = paired(take.tcp, take.eye, ClockMap.affine(int(take.eye.t[0]), offset_s))
+    x = Transform.from_matrix(PAPER_X[device]) @ HALF_TURN
+    translation, rotation = paper_residual(tcp, take.eye.pose[covered], x)
+    assert translation * 1e3 == pytest.approx(printed_mm, abs=0.05)
+    assert np.degrees(rotation) == pytest.approx(printed_deg, abs=0.003)
+
+
 @pytest.mark.parametrize("device", ["quest2", "quest_pro"])
 def test_recordings_give_the_papers_mounting(recordings, device):
     take = recordings[device, "calib"]

@@ -60,7 +60,7 @@ def test_redrawn_values_bring_their_uncertainty_in():
         rng,
         statistic="mean",
         replicates=300,
-        redraw=lambda rng: [errors + rng.normal(0, 0.5)],
+        redraw=lambda rng, count: [errors + rng.normal(0, 0.5, (count, 1))],
     )
     assert redrawn.high - redrawn.low == pytest.approx(2 * 1.96 * 0.5, rel=0.2)
     assert alone.high - alone.low < 0.15

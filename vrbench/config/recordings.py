@@ -76,9 +76,9 @@ class Recordings(_Strict):
             if places.count(place) > 1:
                 raise ValueError(
                     "two takes are case {} mount {} repeat {}".format(*place)
-                    + ": give mount or repeat"
+                    + ": give each its mount and repeat"
                 )
-        for case in {take.case for take in self.takes}:
+        for case in dict.fromkeys(take.case for take in self.takes):
             if len({(t.motion, t.speed) for t in self.takes if t.case == case}) > 1:
                 raise ValueError(
                     f"takes of case {case} differ in motion or speed, which makes them no repeats: "

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
 from vrbench.config.yaml_file import load_model
 from vrbench.errors import ConfigError
@@ -30,8 +30,10 @@ def _unit(q: tuple[float, ...]) -> tuple[float, ...]:
 class Pose(_Strict):
     """A rigid transform as people write it."""
 
-    p_m: tuple[float, float, float]
-    q_xyzw: Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
+    p_m: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+    q_xyzw: Annotated[
+        tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat], AfterValidator(_unit)
+    ]
 
     def transform(self) -> Transform:
         return Transform.of(self.p_m, self.q_xyzw)

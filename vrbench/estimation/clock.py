@@ -12,13 +12,14 @@ from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
 from vrbench.estimation.checks import require_poses
 from vrbench.estimation.correlation import (
+    BASELINE_NS,
     STEP_NS,
     Signal,
     angular_speed,
     correlate,
     refined_peak,
 )
-from vrbench.estimation.drift import LONG_TAKE_S, fit_drift
+from vrbench.estimation.drift import LONG_TAKE_S, Stretch, fit_drift
 from vrbench.geometry import Bools, Floats
 from vrbench.trajectory import NS, Trajectory
 
@@ -85,8 +86,11 @@ def estimate_clock(
     reach_s = MAX_SEARCH_S if search_s is None else search_s
     _require_overlap(reference, estimate, around_s, reach_s)
     first, second = _signals(reference, estimate)
-    stretches = _stretches(second, steps_ns)
-    seeds = [_seed(first, _liveliest(part), around_s, reach_s) for part in stretches]
+    stretches = _stretches(second, estimate, steps_ns)
+    seeds = [
+        _seed(first, _liveliest(stretch.signal), around_s, reach_s, _place(stretch, len(stretches)))
+        for stretch in stretches
+    ]
     # the least certain stretch speaks for the take
     main = min(seeds, key=lambda seed: seed.correlation)
     drift = fit_drift(first, stretches, [seed.offset_ns for seed in seeds])
@@ -110,19 +114,28 @@ class _Seed:
     distinctness: float
 
 
-def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Seed:
+def _seed(
+    first: Signal, second: Signal, around_s: float, reach_s: float, place: str | None
+) -> _Seed:
     """One constant offset for the whole of `second`."""
     low, high = (around_s - reach_s) * NS, (around_s + reach_s) * NS
     # one lobe more on each side, so that a peak at the border is seen to be one
     margin = 1.0 * NS
-    found = correlate(first, second, low - margin, high + margin)
     enough = _enough(first, second)
+    if second.mask.sum() * STEP_NS < MINIMUM_OVERLAP_S * NS:
+        raise EstimationError(
+            f"tracked for {second.mask.sum() * STEP_NS / NS:.3g} s only",
+            field=place or "estimate",
+            fix=f"at least {MINIMUM_OVERLAP_S:g} s are needed to find a clock",
+        )
+    found = correlate(first, second, low - margin, high + margin)
     r = np.where(found.common >= enough, found.r, np.nan)
     inside = (found.offset_ns >= low) & (found.offset_ns <= high)
     if not np.isfinite(r[inside]).any():
         raise EstimationError(
             f"the two streams have no {enough * STEP_NS / NS:.3g} s of motion in common within "
             f"{reach_s:g} s of an offset of {around_s:g} s",
+            field=place,
             fix="widen the search, or record both streams at the same time",
         )
     best = int(np.nanargmax(np.where(inside, r, np.nan)))
@@ -131,13 +144,21 @@ def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Se
         raise EstimationError(
             f"the angular speeds of the two streams correlate by {peak:.2f} at best "
             f"(offset {offset / NS:.3f} s)",
+            field=place,
             fix=f"{MINIMUM_CORRELATION} or more is needed: are both streams of one motion?",
+        )
+    if np.any(r[max(best - 1, 0) : best + 2] > r[best]):
+        raise EstimationError(
+            f"the correlation still grows where the search ends, at {offset / NS:.3f} s",
+            field=place,
+            fix=f"the search reaches {reach_s:g} s from {around_s:g} s; widen or move it",
         )
     other, at = _next_peak(r, best, inside)
     if other > 0.0 and peak < MINIMUM_DISTINCTNESS * other:
         raise EstimationError(
             f"two offsets fit alike: {offset / NS:.3f} s (correlation {peak:.4f}) and "
             f"{found.offset_ns[at] / NS:.3f} s ({other:.4f})",
+            field=place,
             fix="the motion repeats: bound the search to less than half a loop",
         )
     return _Seed(offset, peak, peak / other if other > 0.0 else np.inf)
@@ -208,12 +229,22 @@ def _signals(reference: Trajectory, estimate: Trajectory) -> tuple[Signal, Signa
     return first, second
 
 
-def _stretches(signal: Signal, steps_ns: Sequence[int]) -> list[Signal]:
+def _stretches(signal: Signal, estimate: Trajectory, steps_ns: Sequence[int]) -> list[Stretch]:
     """The signal cut where its clock was set."""
-    t = signal.t
-    inner = sorted({int(s) for s in steps_ns if t[0] < s < t[-1]})
-    borders = [int(t[0]), *inner, int(t[-1]) + 1]
-    return [signal.between(a, b - 1) for a, b in pairwise(borders)]
+    first, last = int(estimate.t[0]), int(estimate.t[-1])
+    inner = sorted({int(step) for step in steps_ns if first < step <= last})
+    half = BASELINE_NS // 2 if inner else 0
+    return [
+        Stretch(a, b - 1, signal.between(a + half, b - half))
+        for a, b in pairwise([first, *inner, last + 1])
+    ]
+
+
+def _place(stretch: Stretch, count: int) -> str | None:
+    """Which part of the estimate is meant, if it has several."""
+    if count == 1:
+        return None
+    return f"estimate from {stretch.start_ns / NS:.3f} to {stretch.end_ns / NS:.3f} s"
 
 
 def _require_overlap(

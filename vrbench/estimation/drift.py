@@ -9,7 +9,7 @@ import numpy as np
 
 from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
-from vrbench.estimation.correlation import STEP_NS, Signal, correlate, refined_peak
+from vrbench.estimation.correlation import Signal, correlate, refined_peak
 from vrbench.geometry import Bools, Floats, Ints
 from vrbench.trajectory import NS
 
@@ -19,6 +19,15 @@ WINDOW_S = 30.0
 # 100 ppm for two hours, to either side of the seed: more than any crystal, less than a loop.
 LOCAL_SEARCH_S = 0.8
 MINIMUM_LOCAL_CORRELATION = 0.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A part of the estimate that keeps one clock: from `start_ns` to `end_ns` on that clock."""
+
+    start_ns: int
+    end_ns: int
+    signal: Signal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +45,7 @@ class Drift:
     residual_s: float | None
 
 
-def fit_drift(first: Signal, stretches: Sequence[Signal], seeds_ns: Sequence[float]) -> Drift:
+def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[float]) -> Drift:
     """The clock through stretches of `second` that each keep one clock.
 
     A stretch of less than ten minutes has the constant offset of its seed. A longer one has local
@@ -49,10 +58,10 @@ def fit_drift(first: Signal, stretches: Sequence[Signal], seeds_ns: Sequence[flo
     offsets: list[Floats] = []
     errors: list[Floats] = []
     skews: list[tuple[float, float]] = []
-    for part, seed_ns in zip(stretches, seeds_ns, strict=True):
-        t, local = local_offsets(first, part, seed_ns)
-        span_s = len(part.value) * STEP_NS / NS
-        ends = np.array([part.t[0], part.t[-1] + STEP_NS - 1], dtype=np.int64)
+    for stretch, seed_ns in zip(stretches, seeds_ns, strict=True):
+        t, local = local_offsets(first, stretch.signal, seed_ns)
+        span_s = (stretch.end_ns - stretch.start_ns) / NS
+        ends = np.array([stretch.start_ns, stretch.end_ns], dtype=np.int64)
         if span_s < LONG_TAKE_S:
             at, values = ends, np.full(2, seed_ns)
         else:

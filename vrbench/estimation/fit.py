@@ -33,9 +33,9 @@ SKEW_PRIOR = 50e-6
 MAX_ITERATIONS = 60
 # Samples this close to the reference's ends and gaps are left out: the offset moves them.
 MARGIN_NS = 20_000_000
-# On the paper's recordings X from calib predicts traj1 better by 3 (Quest 2) and 8 % (Quest Pro)
-# when slow drift is let go (RMSE at the tcp), X from traj1 predicts calib within 1 % as before;
-# from 30 to 80 s it makes little difference.
+# Chosen on the paper's recordings, so not confirmed by them: with X from calib, traj1 at the tcp
+# goes from 1.84 to 1.79 mm (Quest 2) and from 1.90 to 1.76 (Quest Pro); 30 to 80 s give 1.79 to
+# 1.81 and 1.76 to 1.80. With X from traj1, calib goes from 3.05 to 3.08 and from 2.09 to 2.08.
 DRIFT_S = 40.0
 CONVERGED = 1e-4
 # Steps are held to where the linearisation is good.

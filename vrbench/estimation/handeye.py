@@ -248,8 +248,9 @@ def _refuse_other_frames(
     turned = float(_angles(_project(linear)[None], ry[None])[0])
     if turned > np.radians(FRAME_TURN_DEG):
         raise EstimationError(
-            "the eye's positions and orientations are in different frames, turned by "
-            f"{np.degrees(turned):.0f} deg, or the orientations alone are mirrored",
+            "the eye's positions and orientations are in different frames, "
+            f"{np.degrees(turned):.0f} deg apart: the orientations alone are mirrored, turned or "
+            "inverse",
             fix="convert both the same way at their import",
         )
 

@@ -177,7 +177,7 @@ class Plugins:
         return {info.distribution: info.version for info in infos}
 
 
-class _Unfit(Exception):  # noqa: N818 - it is caught here and never shown
+class _UnfitError(Exception):
     """What a hook returned can't be used."""
 
 
@@ -185,14 +185,16 @@ def _offered(impl: HookImpl, kind: type[Spec], taken: Mapping[str, Spec]) -> dic
     """What one plugin's hook returns, by name: all of it, or an error."""
     returned: object = impl.function()
     if isinstance(returned, str) or not isinstance(returned, Iterable):
-        raise _Unfit(f"returns {_kind(returned)}: it must return a list of {kind.__name__}")
+        raise _UnfitError(f"returns {_kind(returned)}: it must return a list of {kind.__name__}")
     offered: dict[str, Spec] = {}
     for thing in returned:
         if not isinstance(thing, kind):
-            raise _Unfit(f"offers {_kind(thing)}: it must return a list of {kind.__name__}")
+            raise _UnfitError(f"offers {_kind(thing)}: it must return a list of {kind.__name__}")
         key = thing.stem if isinstance(thing, Path) else thing.name
         if key in taken or key in offered:
-            raise _Unfit(f"offers {key!r}, and that name is taken: rename it, or uninstall one")
+            raise _UnfitError(
+                f"offers {key!r}, and that name is taken: rename it, or uninstall one"
+            )
         offered[key] = thing
     return offered
 
@@ -202,7 +204,9 @@ def _kind(thing: object) -> str:
 
 
 def _told(error: BaseException) -> str:
-    return str(error) if isinstance(error, _Unfit) else f"raises {type(error).__name__}: {error}"
+    return (
+        str(error) if isinstance(error, _UnfitError) else f"raises {type(error).__name__}: {error}"
+    )
 
 
 def pick(things: Mapping[str, Spec], name: str, what: str, *, field: str, file: str | None) -> Spec:

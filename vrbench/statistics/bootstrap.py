@@ -10,10 +10,11 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.estimation.blocks import block_length
-from vrbench.geometry import Floats
+from vrbench.geometry import Floats, Ints
 
 Statistic = Literal["rmse", "mean"]
-Redraw = Callable[[np.random.Generator], Sequence[Floats]]
+# From the number of replicates to the errors of each series in each of them (replicates, n).
+Redraw = Callable[[np.random.Generator, int], Sequence[Floats]]
 
 LEVEL = 0.95
 REPLICATES = 1000
@@ -73,25 +74,26 @@ def bootstrap(
         statistic: `rmse` or `mean`.
         level: probability that the interval is to hold.
         replicates: how often to draw.
-        redraw: called once a replicate for the errors of all series under one draw of what they
-            rest on, such as X; None to take them as they are.
+        redraw: gives the errors of all series under so many draws of what they rest on, such as X;
+            None to take them as they are.
 
     Raises:
         EstimationError: no series, or one without samples.
     """
     _require_samples(series)
     lengths = [_block_length(_powers(s.errors, statistic)) for s in series]
-    sums = [running_sums(_powers(s.errors, statistic)) for s in series]
+    errors = [s.errors[None] for s in series] if redraw is None else redraw(rng, replicates)
+    sums = [running_sums(_powers(e, statistic)) for e in errors]
     places = [(s.sitting, s.mount) for s in series]
-    found = np.empty(replicates)
-    for k in range(replicates):
-        if redraw is not None:
-            sums = [running_sums(_powers(errors, statistic)) for errors in redraw(rng)]
-        total = count = 0.0
-        for i in draw_members(places, rng):
-            part, n = draw_blocks(sums[i], lengths[i], rng)
-            total, count = total + part, count + n
-        found[k] = total / count
+    total, count = np.zeros(replicates), np.zeros(replicates)
+    drawn = [draw_members(places, rng) for _ in range(replicates)]
+    for place in range(max(map(len, drawn))):
+        member = np.array([d[place] if place < len(d) else -1 for d in drawn])
+        for i, length in enumerate(lengths):
+            replicate = np.flatnonzero(member == i)
+            total[replicate] += draw_blocks(sums[i], replicate, length, rng)
+            count[replicate] += len(series[i].errors)
+    found = total / count
     if statistic == "rmse":
         found = np.sqrt(found)
     blocks = sum(len(s.errors) // length for s, length in zip(series, lengths, strict=True))
@@ -172,18 +174,29 @@ def _draw(
 
 
 def running_sums(values: Floats) -> Floats:
-    """Sums (2 n + 1,) of the first k values of a series that is followed by itself again."""
-    return np.concatenate(([0.0], np.cumsum(np.concatenate((values, values)))))
+    """Sums (m, 2 n + 1) of the first k values of series (m, n) that are followed by themselves."""
+    twice = np.concatenate((np.zeros((len(values), 1)), values, values), axis=1)
+    sums: Floats = np.cumsum(twice, axis=1, out=twice)
+    return sums
 
 
-def draw_blocks(sums: Floats, length: int, rng: np.random.Generator) -> tuple[float, int]:
-    """The sum over a resampled series, and its length, from `running_sums`."""
-    n = len(sums) // 2
+def draw_blocks(sums: Floats, replicate: Ints, length: int, rng: np.random.Generator) -> Floats:
+    """Sums (r,) over a series resampled for each replicate (r,), from its `running_sums`.
+
+    Args:
+        sums: one row for all replicates, or one for each.
+        replicate: which replicates to draw for (r,).
+        length: of a block, in samples.
+        rng: where the randomness comes from.
+    """
+    n = sums.shape[1] // 2
     blocks = -(-n // length)
-    starts = rng.integers(n, size=blocks)
+    starts = rng.integers(n, size=(len(replicate), blocks))
     ends = starts + length
-    ends[-1] -= blocks * length - n
-    return float(np.sum(sums[ends] - sums[starts])), n
+    ends[:, -1] -= blocks * length - n
+    row = replicate[:, None] if len(sums) > 1 else 0
+    drawn: Floats = np.sum(sums[row, ends] - sums[row, starts], axis=1)
+    return drawn
 
 
 def _block_length(values: Floats) -> int:
