@@ -50,7 +50,7 @@ def list_() -> None:
 @click.argument("device")
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def emulate(device: str, arguments: tuple[str, ...]) -> None:
-    """Run the emulator of DEVICE on this computer; ARGUMENTS are its own, `-- --help` lists them."""
+    """Run the emulator of DEVICE on this computer; `-- --help` lists its own ARGUMENTS."""
     import subprocess
     import sys
 
@@ -58,8 +58,12 @@ def emulate(device: str, arguments: tuple[str, ...]) -> None:
     from vrbench.plugin.manager import Plugins
 
     plugins = Plugins()
-    specs = [*plugins.headsets.values(), *plugins.mocap.values(), *plugins.robots.values()]
-    modules = {spec.name: spec.emulator for spec in specs if spec.emulator is not None}
+    modules = {
+        spec.name: spec.emulator
+        for specs in (plugins.headsets, plugins.mocap, plugins.robots)
+        for spec in specs.values()
+        if spec.emulator is not None
+    }
     if device not in modules:
         raise ConfigError(
             f"no emulator of {device!r}", fix=f"there are {', '.join(sorted(modules)) or 'none'}"

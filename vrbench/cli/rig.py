@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from vrbench.rig_check import Checked
+    from vrbench.cli._rig_check import Checked
 
 
 @click.group()
@@ -23,9 +23,9 @@ def check(rig: str) -> None:
 
     Exit code 1 where something is wrong.
     """
+    from vrbench.cli._rig_check import check_rig
     from vrbench.config.rig import load_rig
     from vrbench.plugin.manager import Plugins
-    from vrbench.rig_check import check_rig
 
     wrong = 0
     for found in check_rig(load_rig(rig), rig, Plugins()):

@@ -24,7 +24,7 @@ class RealClock:
         time.sleep(seconds)
 
     def reading(self) -> Event:
-        """This clock and UTC at one moment, for the take."""
+        """The clock and UTC at one moment, for the take."""
         before = self.now()
         utc = time.time_ns()
         now = (before + self.now()) // 2

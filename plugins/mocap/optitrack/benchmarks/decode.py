@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import timeit
+from functools import partial
 
 from vrbench_optitrack.encode import encode_frame
 from vrbench_optitrack.frames import (
@@ -47,7 +48,7 @@ def main() -> None:
     for version in VERSIONS:
         packet = encode_frame(frame(10, 100), version)
         times = [
-            min(timeit.repeat(lambda d=decode: d(packet, version), number=n, repeat=5)) / n * 1e6
+            min(timeit.repeat(partial(decode, packet, version), number=n, repeat=5)) / n * 1e6
             for decode, n in ((decode_bodies, rounds), (decode_frame, rounds // 10))
         ]
         print(f"{version[0]}.{version[1]:<5} {len(packet):6} {times[0]:18.1f} {times[1]:17.1f}")

@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frames import (
@@ -93,13 +93,12 @@ def frames(draw, version):
     )
     channels = st.builds(Channels, i32, few(few(f32).map(tuple)))
     zero = st.just(0)
+    stamp = (f32 if version < (2, 7) else st.floats(allow_nan=False)) if params else st.just(0.0)
     suffix = st.builds(
         Suffix,
         timecode=u32,
         timecode_sub=u32,
-        timestamp=(f32 if version < (2, 7) else st.floats(allow_nan=False))
-        if params
-        else st.just(0.0),
+        timestamp=stamp,
         latency=st.just(0.0) if new else f32,
         mid_exposure=u64 if new else zero,
         data_received=u64 if new else zero,
@@ -122,6 +121,7 @@ def frames(draw, version):
     )
 
 
+@settings(max_examples=60)
 @given(st.sampled_from(VERSIONS).flatmap(lambda v: st.tuples(st.just(v), frames(v))))
 def test_every_field_comes_back_in_every_version(case):
     version, frame = case
@@ -181,6 +181,7 @@ def models_of(version):
     return few(st.one_of(kinds))
 
 
+@settings(max_examples=60)
 @given(st.sampled_from(VERSIONS).flatmap(lambda v: st.tuples(st.just(v), models_of(v))))
 def test_every_model_definition_comes_back_in_every_version(case):
     version, models = case

@@ -215,7 +215,7 @@ def shape_of(talk: Conversation, options: Options) -> dict[str, Any] | None:
 
 
 def _carried(talk: Conversation, id_: int) -> Floats:
-    """Before NatNet 3 definitions have no markers, but frames do: from the pivot [server's unit]."""
+    """Markers (n, 3) from the pivot [server's unit]: before NatNet 3 the frames have them."""
     if talk.version is None or talk.version >= (3, 0) or not talk.newest:
         return np.zeros((0, 3))
     found = [b for b in decode_frame(talk.newest, talk.version).bodies if b.id == id_]

@@ -207,11 +207,10 @@ class Emulator:
 
     def _answer_until(self, due: int) -> None:
         """Answers what comes in until it is time for the next frame."""
+        listening = [self._sockets[0], *self._sockets[2:]]
         while True:
             left = (due - time.monotonic_ns()) / NS
-            ready, _, _ = select.select(
-                [self._sockets[0], *self._sockets[2:]], [], [], max(0, left)
-            )
+            ready, _, _ = select.select(listening, [], [], max(0, left))
             for each in ready:
                 packet, sender = each.recvfrom(MAX_PACKET)
                 came = time.monotonic_ns()
@@ -356,23 +355,16 @@ def parse_version(text: str) -> Version | None:
     return int(major), int(minor)
 
 
-class _VersionType(click.ParamType):
-    name = "version"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> Version:
-        version = parse_version(value) if isinstance(value, str) else value
-        if version is None or not (2, 5) <= version <= (4, 9):
-            self.fail(f"{value!r} isn't a version from 2.9 to 4.2", param, ctx)
-        return version
-
-
-VERSION = _VersionType()
+def version(text: str) -> Version:
+    """The version that an option names."""
+    found = parse_version(text)
+    if found is None or not (2, 5) <= found <= (4, 9):
+        raise click.BadParameter(f"{text!r} isn't a version of NatNet, as 2.9 or 4.2")
+    return found
 
 
 @click.command(context_settings={"show_default": True})
-@click.option("--version", type=VERSION, default="4.1", help="Of NatNet, 2.9 to 4.2.")
+@click.option("--version", type=version, default="4.1", help="Of NatNet, 2.9 to 4.2.")
 @click.option("--rate", default=240.0, type=click.FloatRange(1, 2000), help="Frames a second.")
 @click.option("--multicast/--unicast", default=False, help="To a group, or to each client.")
 @click.option("--host", default="127.0.0.1", help="Loopback address to bind.")
@@ -380,6 +372,7 @@ VERSION = _VersionType()
 @click.option("--data-port", default=DATA_PORT, help="0 takes the command port's successor.")
 @click.option("--group", default=GROUP, help="Multicast address.")
 @click.option("--motion", default="shooter-1", help="Of the head: the name of a generator.")
+@click.option("--begin", default=0.0, help="Where in the motion to begin [s].")
 @click.option("--body", default="headset", help="Name of the head's rigid body.")
 @click.option("--markers", default=3, help="Further labeled markers.")
 @click.option("--up", type=click.Choice(["y", "z"]), default="y", help="Axis that is up.")
@@ -400,10 +393,10 @@ VERSION = _VersionType()
     default="mid",
     help="The first stamp that frames carry.",
 )
-@click.option("--claim", type=VERSION, help="Version that SERVERINFO says, if another.")
+@click.option("--claim", type=version, help="Version that SERVERINFO says, if another.")
 @click.option("--new-id-after", type=float, help="Seconds until the body's id changes.")
 @click.option("--switch-after", type=float, help="Seconds until the bitstream changes.")
-@click.option("--switch-to", type=VERSION, help="The version it changes to.")
+@click.option("--switch-to", type=version, help="The version it changes to.")
 @click.option("--timeout", default=5.0, help="Seconds until a silent client is forgotten.")
 @click.option("--seed", default=1, help="Of all chance.")
 @click.option("--duration", type=float, help="Ends after so many seconds.")
@@ -412,6 +405,7 @@ def main(**given: Any) -> None:
     emulator = Emulator(
         scene=Scene(
             motion=given["motion"],
+            begin_s=given["begin"],
             body=given["body"],
             markers=given["markers"],
             rate_hz=given["rate"],

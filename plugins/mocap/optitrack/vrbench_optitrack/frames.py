@@ -415,12 +415,12 @@ def _bodies_walked(packet: bytes, layout: Layout) -> BodyFrame:
 def _body_rows(r: Reader, layout: Layout) -> list[BodyRow]:
     """Bodies of a frame before 4.1."""
     if not layout.body_markers:
-        return r.rows(BODY, r.count(BODY.size, "rigid bodies"), "rigid bodies")  # type: ignore[return-value]
+        return r.rows(BODY, r.count(BODY.size, "rigid bodies"), "rigid bodies")
     rows: list[BodyRow] = []
     for _ in range(r.count(_BODY_START.size + 8, "rigid bodies")):
         start = r.unpack(_BODY_START, "a rigid body")
         r.skip(20, "markers of a body")
-        rows.append((*start, *_error_params(r, layout)))  # type: ignore[arg-type]
+        rows.append((*start, *_error_params(r, layout)))
     return rows
 
 
@@ -455,7 +455,7 @@ def decode_frame(packet: bytes, version: Version) -> Frame:
     return Frame(
         number=number,
         marker_sets=marker_sets,
-        other_markers=others,  # type: ignore[arg-type]
+        other_markers=others,
         bodies=bodies,
         skeletons=skeletons,
         assets=assets,
@@ -510,7 +510,7 @@ def _sized(r: Reader, what: str) -> tuple[int, int]:
 def _marker_set(r: Reader, _layout: Layout) -> MarkerSet:
     name = r.text("a marker set's name")
     rows = r.rows(VECTOR, r.count(12, "markers of a set"), "markers of a set")
-    return MarkerSet(name, rows)  # type: ignore[arg-type]
+    return MarkerSet(name, rows)
 
 
 def _body(row: tuple[Any, ...]) -> RigidBody:
@@ -525,7 +525,7 @@ def _marked_body(r: Reader, layout: Layout) -> RigidBody:
     ids = r.rows(INT, n, "ids of a body's markers")
     sizes = r.rows(_FLOATS, n, "sizes of a body's markers")
     markers = tuple(
-        BodyMarker(position, id_, size)  # type: ignore[arg-type]
+        BodyMarker(position, id_, size)
         for position, (id_,), (size,) in zip(positions, ids, sizes, strict=True)
     )
     error, params = _error_params(r, layout)

@@ -1,4 +1,4 @@
-"""Sockets to a Motive: one for commands, one for frames; both are read, for frames may use either."""
+"""Sockets to a Motive: one for commands, one for frames; frames may come to either."""
 
 from __future__ import annotations
 

@@ -202,9 +202,9 @@ def _body(r: Reader, version: Version) -> BodyModel:
     offset = r.unpack(VECTOR, "a body's offset")
     rotation = (0.0, 0.0, 0.0, 1.0)
     if version >= (4, 2):
-        rotation = r.unpack(_QUATERNION, "a body's rotation")  # type: ignore[assignment]
+        rotation = r.unpack(_QUATERNION, "a body's rotation")
     if version < (3, 0):
-        return BodyModel(name, id_, parent, offset, rotation)  # type: ignore[arg-type]
+        return BodyModel(name, id_, parent, offset, rotation)
     n = r.count(17 if version >= (4, 0) else 16, "markers of a body")
     markers = r.rows(VECTOR, n, "markers of a body")
     labels = r.rows(INT, n, "labels of a body's markers")
@@ -213,9 +213,9 @@ def _body(r: Reader, version: Version) -> BodyModel:
         name,
         id_,
         parent,
-        offset,  # type: ignore[arg-type]
+        offset,
         rotation,
-        tuple(markers),  # type: ignore[arg-type]
+        tuple(markers),
         tuple(label for (label,) in labels),
         names,
     )
@@ -233,14 +233,16 @@ def _plate(r: Reader, _version: Version) -> PlateModel:
     serial = r.text("a plate's serial number")
     values = r.unpack(_PLATE, "a plate")
     return PlateModel(
-        id_,
-        serial,
-        *values[:2],
-        values[2:5],
-        values[5:149],
-        values[149:161],
-        *values[161:],
-        _texts(r, "channels"),
+        id=id_,
+        serial=serial,
+        width=values[0],
+        length=values[1],
+        origin=values[2:5],
+        calibration=values[5:149],
+        corners=values[149:161],
+        type=values[161],
+        channel_type=values[162],
+        channels=_texts(r, "channels"),
     )
 
 
@@ -254,7 +256,7 @@ def _device(r: Reader, _version: Version) -> DeviceModel:
 def _camera(r: Reader, _version: Version) -> CameraModel:
     name = r.text("a camera's name")
     position = r.unpack(VECTOR, "a camera's position")
-    return CameraModel(name, position, r.unpack(_QUATERNION, "a camera's orientation"))  # type: ignore[arg-type]
+    return CameraModel(name, position, r.unpack(_QUATERNION, "a camera's orientation"))
 
 
 def _asset(r: Reader, version: Version) -> AssetModel:
@@ -265,7 +267,7 @@ def _asset(r: Reader, version: Version) -> AssetModel:
     for _ in range(r.count(_ASSET_MARKER.size + 1, "markers of an asset")):
         label = r.text("a marker's name")
         row = r.unpack(_ASSET_MARKER, "a marker of an asset")
-        markers.append(AssetMarkerModel(label, row[0], row[1:4], *row[4:]))  # type: ignore[arg-type]
+        markers.append(AssetMarkerModel(label, row[0], row[1:4], *row[4:]))
     return AssetModel(name, type_, id_, bodies, tuple(markers))
 
 

@@ -46,6 +46,7 @@ class Scene:
 
     Attributes:
         motion: the head's, by the name of its generator.
+        begin_s: where in the motion to begin [s].
         body: the headset's rigid body.
         id: its streaming id.
         others: further bodies, at rest.
@@ -60,6 +61,7 @@ class Scene:
     """
 
     motion: str = "shooter-1"
+    begin_s: float = 0.0
     body: str = "headset"
     id: int = 1
     others: tuple[str, ...] = ("controller",)
@@ -80,7 +82,7 @@ class Scene:
     def head(self, seconds: Floats) -> Transform:
         """Where the body truly is, y up [m], at times (n,) since the first frame [s]."""
         path: Trajectory = generate(self.motion).trajectory
-        t = np.rint(np.mod(seconds, path.duration_s) * NS).astype(np.int64)
+        t = np.rint(np.mod(seconds + self.begin_s, path.duration_s) * NS).astype(np.int64)
         return HEAD @ path.at(t)
 
     def lost(self, seconds: float) -> bool:
