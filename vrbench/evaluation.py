@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from vrbench.errors import DataError, EstimationError
+from vrbench.geometry import Floats
 from vrbench.metrics.registry import Family
+from vrbench.protocols.body import body_shapes, difference
 from vrbench.protocols.calibration import Calibration, Verdict, mean_x
 from vrbench.protocols.protocol import Protocol
 from vrbench.results.bundle import Bundle, TakeRecord
@@ -29,6 +31,16 @@ class _Mount:
     takes: list[tuple[TakeRecord, Columns]] = field(default_factory=list)
     calibrations: dict[str, Calibration] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
+    bodies: dict[str, list[Floats]] = field(default_factory=dict)
+
+    def usable(self, take: TakeRecord) -> tuple[dict[str, Calibration], dict[str, str]]:
+        """The calibrations that were made with the take's own body, and why the others aren't."""
+        failures = dict(self.failures)
+        for name in self.calibrations:
+            reason = difference(self.bodies[name], self.bodies[take.name])
+            if reason is not None:
+                failures[name] = reason
+        return {k: v for k, v in self.calibrations.items() if k not in failures}, failures
 
 
 def evaluate(
@@ -64,7 +76,7 @@ def evaluate(
             for take, columns in mount.takes:
                 tell(take.name, done, total)
                 done += 1
-                scored.append(score(rules, take, columns, mount.calibrations, mount.failures))
+                scored.append(score(rules, take, columns, *mount.usable(take)))
                 cases[take.case].append((scored[-1], mount))
             rows += [row for one in scored for row in one.rows]
             rows += _rows_of_repeats(rules, scored)
@@ -89,6 +101,7 @@ def _mounts(
     for take, columns in decoded:
         mount = mounts[take.mount]
         mount.takes.append((take, columns))
+        mount.bodies[take.name] = body_shapes(columns, reference)
         if take.role == "calibration":
             try:
                 mount.calibrations[take.name] = protocol.calibrate(columns, reference, take.name)
