@@ -139,7 +139,7 @@ def fit_exchanges(
         level, slope = np.polynomial.polynomial.polyfit(since, offset - offset[0], 1, w=weight)
         level += offset[0]
     else:
-        slope, level = 0.0, float(np.median(offset))
+        slope, level = 0.0, float(offset[0] + np.average(offset - offset[0], weights=weight**2))
     residual = offset - (level + slope * since)
     return ExchangeFit(
         clock=ClockMap.affine(middle, float(level) / NS, float(slope) / NS),

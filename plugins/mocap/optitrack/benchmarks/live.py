@@ -80,9 +80,9 @@ def tell(source: OptiTrack, truth: ServerClock, since: float, errors: list[float
     worst = np.abs(errors).max() if errors else float("nan")
     fit = clock.fit()
     print(
-        f"after {since:3.0f} s: skew {clock.skew_ppm:.3f} ppm of {truth.skew_ppm:g}; pose times off "
-        f"by {np.mean(errors) * 1e3:.0f} us, at most {worst * 1e3:.0f}; bound {fit.bound_s * 1e6:.0f}"
-        f" us, residual {fit.residual_s * 1e6:.0f} us",
+        f"after {since:3.0f} s: skew {clock.skew_ppm:.3f} ppm of {truth.skew_ppm:g}; pose times of "
+        f"10 s off by {np.mean(errors) * 1e3:.0f} us, at most {worst * 1e3:.0f} us; bound "
+        f"{fit.bound_s * 1e6:.0f} us, residual {fit.residual_s * 1e6:.0f} us",
         flush=True,
     )
 

@@ -13,6 +13,7 @@ from vrbench.plugin import hookimpl
 
 if TYPE_CHECKING:
     from vrbench.devices.ports import MocapSpec
+    from vrbench.recording.importer import Importer
 
 
 @hookimpl
@@ -21,3 +22,11 @@ def vrbench_mocap() -> Sequence[MocapSpec]:
     from vrbench_optitrack.client import OPTITRACK
 
     return [OPTITRACK]
+
+
+@hookimpl
+def vrbench_importers() -> Sequence[Importer]:
+    """The format `motive-csv`."""
+    from vrbench_optitrack.motive_csv import IMPORTER
+
+    return [IMPORTER]

@@ -62,8 +62,8 @@ class OptiTrack:
             self._await(
                 lambda: bool(talk.rows), FRAMES_S, lambda: no_frames(talk, self._listener.interface)
             )
-            # a clock of its own from NatNet 3 on
-            self._await(lambda: talk.clock is None or bool(talk.clock), 1.0, lambda: None)
+            # The first echo may have been slow: a few more, where there is a clock (NatNet 3).
+            self._await(lambda: talk.clock is None or len(talk.echoes) > 3, 1.0, lambda: None)
         except BaseException:
             self._listener.__exit__(None, None, None)
             raise

@@ -14,6 +14,8 @@ from vrbench.trajectory import NS
 WINDOW = 120
 SKEW_AFTER_S = 8.0
 STEP_S = 0.01
+SLOW, SLOW_NS = 2, 200_000
+"""An echo slower than so many times the quickest, and so much more [ns], tells nothing."""
 Echo = tuple[int, int, int]
 """When the request left [ns, host], the server's ticks, when the answer came [ns, host]."""
 
@@ -27,8 +29,8 @@ class TickClock:
     """Offset and skew of the server's clock, from its answers to echo requests.
 
     A second's quickest echo stands for that second, so that the window is covered evenly; a fit to
-    the last two minutes of them maps ticks. One echo bounds the offset by half its round trip,
-    whatever the network does.
+    the quick ones of the last two minutes maps ticks. One echo bounds the offset by half its round
+    trip, whatever the network does.
 
     Args:
         frequency: ticks a second of the server's clock [Hz].
@@ -67,10 +69,12 @@ class TickClock:
         """The map's parameters; its device clock is `shifted` ticks."""
         if self._fit is None:
             first = self._kept[0]
+            least = min(map(_trip, self._kept))
+            quick = [echo for echo in self._kept if _trip(echo) <= SLOW * least + SLOW_NS]
             # The two clocks may lie decades apart: floats would lose what counts.
             self._base = first[0] - int(ticks_to_ns(np.array([first[1]]), self.frequency)[0])
             self._fit = fit_exchanges(
-                exchanges_of(self._kept, self.frequency, self._base),
+                exchanges_of(quick, self.frequency, self._base),
                 keep=1.0,
                 skew_after_s=SKEW_AFTER_S,
             )

@@ -188,7 +188,7 @@ class Conversation:
             out.append(encode_echo_request(now))
             self._echoes_sent = {k: t for k, t in self._echoes_sent.items() if now - t < 2 * NS}
             self._echoes_sent[now] = now
-            few = len(self.clock.kept()) < 2 and len(self.echoes) < 10
+            few = len(self.clock.kept()) < 3 and len(self.echoes) < 20
             rate = round(NS / self._options.echo_hz)
             self._next_echo = now + (min(QUICK_ECHO_NS, rate) if few else rate)
         return out
