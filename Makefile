@@ -9,7 +9,6 @@ EDITABLE := $(foreach plugin,$(PLUGINS),--editable ./$(plugin))
 # Clients and readers by others, against which tests hold ours.
 WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
-CODE := vrbench tests benchmarks plugins
 RUNS := runs/demo
 
 .PHONY: demo test lint clean

@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from vrbench.evaluation import _Mount
-from vrbench.protocols.body import body_shapes, difference
-from vrbench.results.bundle import TakeRecord
+from vrbench.protocols.body import body_shapes, difference, usable
 from vrbench.streams import Columns, Event
 
 MARKERS = [[81.0, 34.0, -41.0], [-74.0, 41.0, -32.0], [13.0, 78.0, 21.0]]
@@ -41,28 +39,11 @@ def test_a_moved_pivot_and_another_marker_are_told():
     assert difference(shapes(MARKERS), shapes(MARKERS, moved(5.0))) is not None
 
 
-def take(name, role):
-    return TakeRecord(
-        file=f"takes/{name}.mcap",
-        sha256="",
-        case="c",
-        mount=1,
-        repeat=1,
-        role=role,
-        motion="m",
-        motion_digest="d",
-    )
-
-
 @pytest.mark.parametrize("by_mm", [0.0, 5.0])
 def test_a_calibration_of_another_body_is_not_used(by_mm):
-    mount = _Mount()
-    mount.calibrations = {"before": object(), "after": object()}
-    mount.bodies = {
-        "before": shapes(MARKERS),
-        "after": shapes(moved(by_mm)),
-        "scored": shapes(MARKERS),
-    }
-    usable, failures = mount.usable(take("scored", "scored"))
-    assert list(usable) == (["before", "after"] if by_mm == 0.0 else ["before"])
+    calibrations = {"before": object(), "after": object()}
+    bodies = {"before": shapes(MARKERS), "after": shapes(moved(by_mm))}
+    good, failures = usable(calibrations, {"first": "failed"}, bodies, shapes(MARKERS))
+    assert list(good) == (["before", "after"] if by_mm == 0.0 else ["before"])
+    assert failures["first"] == "failed"
     assert ("after" in failures) == (by_mm > 0.0)

@@ -6,17 +6,40 @@ would change with it. Sources tell where the markers sit in events of the kind `
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from vrbench.geometry import Floats
+from vrbench.protocols.calibration import Calibration
 from vrbench.streams import Columns
 
 TOLERANCE_MM = 1.0
+Shapes = list[Floats]
+"""The bodies of a take: one, or one more at every change in it."""
 
 
-def body_shapes(columns: Columns, reference: str) -> list[Floats]:
+def usable(
+    calibrations: Mapping[str, Calibration],
+    failures: Mapping[str, str],
+    bodies: Mapping[str, Shapes],
+    own: Shapes,
+) -> tuple[dict[str, Calibration], dict[str, str]]:
+    """The calibrations made with a take's own body, and why the others aren't to be used.
+
+    Args:
+        calibrations: of the take's mount, by take.
+        failures: why others of the mount failed.
+        bodies: of the calibrations' takes.
+        own: the take's.
+    """
+    unlike = {name: difference(bodies[name], own) for name in calibrations}
+    reasons = {name: reason for name, reason in unlike.items() if reason is not None}
+    good = {name: c for name, c in calibrations.items() if name not in reasons}
+    return good, {**failures, **reasons}
+
+
+def body_shapes(columns: Columns, reference: str) -> Shapes:
     """Markers (k, 3) from the pivot [mm], as a take tells of its reference: one, or one a change.
 
     A reference without events of the kind has none.

@@ -12,7 +12,7 @@ from vrbench.geometry import Ints
 from vrbench.trajectory import NS
 
 WINDOW = 120
-SKEW_AFTER_S = 8.0
+SKEW_AFTER_S = 4.0
 STEP_S = 0.01
 SLOW, SLOW_NS = 2, 200_000
 """An echo slower than so many times the quickest, and so much more [ns], tells nothing."""
