@@ -10,6 +10,7 @@ from vrbench.config.recordings import STREAMS, RecordedTake, Recordings, Source,
 from vrbench.config.shipped import find_file
 from vrbench.config.suite import DEFAULT, Case, Suite, load_suite, take_name
 from vrbench.errors import ConfigError, DataError
+from vrbench.motion.files import given
 from vrbench.motion.generators import GENERATORS, generate
 from vrbench.motion.motion import digest_of_name
 from vrbench.plugin.manager import Plugins, check_options, families_of, pick
@@ -57,6 +58,7 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     families_of(suite, plugins, str(path))
     cases = [_case_of(take, suite, path) for take in recordings.takes]
     folder = folder or default_folder(suite.suite, recordings.device.headset)
+    _check_permission(recordings, suite, path)
     record = RunRecord(
         kind="imported",
         created=utc_now().isoformat(),
@@ -66,6 +68,8 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
         sitting=recordings.sitting,
         device=DeviceRecord(**recordings.device.model_dump()),
         references=_references(recordings, suite, path),
+        licence=recordings.licence,
+        consent=recordings.consent,
         accuracy={
             name: AccuracyRecord(metres=stated.value, source=stated.source)
             for name, stated in recordings.accuracy.items()
@@ -87,11 +91,25 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     return bundle
 
 
+def _check_permission(recordings: Recordings, suite: Suite, path: Path) -> None:
+    """A person's motion is nobody else's to publish."""
+    for name in ("licence", "consent"):
+        if suite.mover == "person" and not given(getattr(recordings, name)):
+            raise ConfigError(
+                f"suite {suite.label} records a person's motion: it needs {name}",
+                file=path,
+                field=name,
+                fix="say what was agreed with the person",
+            )
+
+
 def _case_of(take: RecordedTake, suite: Suite, path: Path) -> Case:
     try:
         case = suite.case(take.case)
     except ConfigError as error:
         raise ConfigError(error.what, file=path, field="takes.case", fix=error.fix) from None
+    if take.headset is None and suite.mover != "person":
+        raise ConfigError("a take has no headset", file=path, field="takes.headset")
     if case.role == "scored" and take.motion is None:
         raise ConfigError(
             f"a take of case {case.id} doesn't say which motion it is",

@@ -49,7 +49,7 @@ class RecordedTake(_Strict):
     repeat: int = Field(1, ge=1)
     motion: str | None = None
     speed: float = Field(1.0, gt=0.0, le=10.0)
-    headset: Source
+    headset: Source | None = None
     robot: Source | None = None
     mocap: Source | None = None
 
@@ -68,6 +68,8 @@ class Recordings(_Strict):
     lab: str = Field(min_length=1)
     device: DeviceFacts
     sitting: str = "1"
+    licence: str | None = None
+    consent: str | None = None
     accuracy: dict[Literal["robot", "mocap"], Accuracy] = {}
     takes: tuple[RecordedTake, ...] = Field(min_length=1)
 
