@@ -5,12 +5,13 @@ import pytest
 from click.testing import CliRunner
 
 from vrbench.cli._motion_extract import extract
-from vrbench.errors import ConfigError
+from vrbench.errors import ConfigError, VrbenchError
 from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
 from vrbench.importing import import_recordings
 from vrbench.motion.files import read_motion
 from vrbench.motion.generators import generate
 from vrbench.plugin.manager import Plugins
+from vrbench.recording.datasets import find
 from vrbench.results.bundle import Bundle
 from vrbench.trajectory import NS, Trajectory, write_tum
 
@@ -111,6 +112,25 @@ def test_a_persons_motion_without_permission_is_refused(capture, missing):
             Bundle.open(run.folder)
     finally:
         record.write_text(kept)
+
+
+def test_the_papers_head_motion_is_imported_and_extracted(tmp_path):
+    try:
+        folder = find("banaszczyk2024")
+    except VrbenchError as error:
+        pytest.skip(str(error))
+    if not list(folder.rglob("real_world_head_movement_example_0.bag")):
+        pytest.skip("the dataset's head motion isn't here")
+    run = import_recordings("banaszczyk2024-head", tmp_path / "run", Plugins(), lambda *_: None)
+    out = tmp_path / "head.tum"
+    assert run_extract(run.folder, "--name", "put", "--at", "body", "-o", out).exit_code == 0
+    path = read_motion(out).trajectory
+    # measured on the file: 112.3 s, 0.875 m/s at most and 0.169 rms, a box of 0.64 x 0.20 x 0.31 m
+    assert path.duration_s == pytest.approx(112.3, abs=0.1)
+    assert path.speed().max() == pytest.approx(0.875, abs=0.03)
+    assert np.sqrt(np.mean(path.speed() ** 2)) == pytest.approx(0.169, abs=0.005)
+    box = np.ptp(path.pose.p, axis=0)
+    assert np.sort(box) == pytest.approx([0.20, 0.31, 0.64], abs=0.05)
 
 
 def test_a_capture_without_a_headset_gives_the_bodys_motion_only(capture, tmp_path):
