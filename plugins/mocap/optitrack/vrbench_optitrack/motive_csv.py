@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from vrbench.errors import DataError
 from vrbench.geometry import Floats, Ints, Transform
@@ -91,7 +90,7 @@ def read(path: Path, options: Options) -> Imported:
     if not seen.any():
         raise DataError("the body is seen in no frame", file=path, field=options.body)
     turns = values[seen, 3:]
-    q = turns if order is None else Rotation.from_euler(order, turns, degrees=True).as_quat()
+    q = turns if order is None else _from_euler(order, turns)
     pose = pose_to_y_up(Transform(values[seen, :3] * scale, q), options.up)
     said = (*repairs, *assumed)
     found = imported_poses(t[seen], pose.p, pose.q, file=path, row="seen frame", repairs=said)
@@ -196,6 +195,13 @@ def _order(head: _Head, path: Path) -> str | None:
             fix=f"Quaternion, or the order of Euler angles: {', '.join(sorted(ORDERS))}",
         )
     return kind.upper()
+
+
+def _from_euler(order: str, angles_deg: Floats) -> Floats:
+    """Quaternions (n, 4) of intrinsic Euler angles (n, 3) [deg], in that order."""
+    from scipy.spatial.transform import Rotation  # listing plugins needs no scipy
+
+    return Rotation.from_euler(order, angles_deg, degrees=True).as_quat()
 
 
 def _values(
