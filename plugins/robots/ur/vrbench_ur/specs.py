@@ -1,0 +1,45 @@
+"""The arms as vrbench sees them; nothing heavy is imported before a hook's thing is used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from vrbench.devices.ports import Finding, MotionPlanner, Robot, RobotSpec, Session
+from vrbench.geometry import Transform
+from vrbench_ur.arms import ARMS, Arm
+from vrbench_ur.options import Options
+
+
+def _open(arm: Arm, options: Options, session: Session) -> Robot:
+    from vrbench_ur.robot import UrRobot
+
+    return UrRobot(arm, options, session)
+
+
+def _planner(arm: Arm, options: Options, mounting: Transform) -> MotionPlanner:
+    from vrbench_ur.planning import PlannerPort
+
+    return PlannerPort(arm, options, mounting)
+
+
+def _check(arm: Arm, options: Options, session: Session) -> Iterator[Finding]:
+    from vrbench_ur.probe import findings
+
+    return findings(arm, options)
+
+
+ROBOTS = [
+    RobotSpec(
+        name=arm.name,
+        title=f"{arm.title}, planned and replayed over RTDE",
+        open=partial(_open, arm),
+        rate_hz=500.0,
+        options=Options,
+        check=partial(_check, arm),
+        emulator="vrbench_ur.emulator",
+        planner=partial(_planner, arm),
+        real=True,
+    )
+    for arm in ARMS.values()
+]
