@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from vrbench.geometry import Floats, Transform
@@ -30,6 +33,28 @@ def link_frames(q: Floats, dh: Dh) -> Floats:
 def flange(q: Floats, dh: Dh) -> Transform:
     """`T_base_flange` (...) of joint angles (..., 6) [rad]."""
     return Transform.from_matrix(link_frames(q, dh)[..., 6, :, :])
+
+
+def flange_once(q: Sequence[float], dh: Dh) -> tuple[list[list[float]], list[float]]:
+    """Rotation and position of the flange in base, of one posture; plain floats are quicker for one.
+
+    Args:
+        q: six joint angles [rad].
+        dh: of the arm.
+    """
+    r = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    p = [0.0, 0.0, 0.0]
+    for i in range(6):
+        c, s = math.cos(q[i] + dh.theta[i]), math.sin(q[i] + dh.theta[i])
+        ca, sa = math.cos(dh.alpha[i]), math.sin(dh.alpha[i])
+        a, d = float(dh.a[i]), float(dh.d[i])
+        for k in range(3):
+            x, y, z = r[k]
+            along = c * x + s * y
+            across = c * y - s * x
+            p[k] += a * along + d * z
+            r[k] = [along, ca * across + sa * z, ca * z - sa * across]
+    return r, p
 
 
 def jacobian(q: Floats, dh: Dh, tool: Floats | None = None) -> Floats:
