@@ -192,6 +192,8 @@ def _record_step(
         "prediction": bundle.record.device.prediction,
     }
     path = bundle.take_path(step.name)
+    for _ in devices.robot.prepare(plan):
+        pass
     movement: Iterator[float] = devices.robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
     truth: dict[str, Any] = devices.session.stage.truth

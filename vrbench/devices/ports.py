@@ -128,6 +128,10 @@ class Robot(PoseSource, Protocol):
         """A plan that moves the mounted eye as `motion`, `T_eye0_eye` with stamps from 0."""
         ...
 
+    def prepare(self, plan: Plan) -> Iterator[float]:
+        """Goes to where the plan starts, before a take begins; yields the part done, 0..1."""
+        ...
+
     def execute(self, plan: Plan) -> Iterator[float]:
         """Carries the plan out; yields the part done, 0..1, many times a second."""
         ...

@@ -15,7 +15,7 @@ from vrbench import __version__
 from vrbench.clocks import Exchanges
 from vrbench.errors import DataError
 from vrbench.recording import cdr
-from vrbench.streams import Columns, Event, Joints, Samples
+from vrbench.streams import Columns, Event, Joints, Samples, States
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -89,11 +89,20 @@ class TakeWriter:
                 cdr.encode_joints(joints),
                 strict=True,
             )
+        for stream, states in columns.states.items():
+            channel = self._channel(f"/{stream}", cdr.ROBOT_STATE)
+            rows += zip(
+                states.receive_t.tolist(),
+                states.t.tolist(),
+                [channel] * len(states),
+                cdr.encode_states(states),
+                strict=True,
+            )
         for source, exchanges in columns.clocks.items():
             channel = self._channel(f"/clock/{source}", cdr.CLOCK_EXCHANGE)
             times = exchanges.received.tolist()
-            data = cdr.encode_exchanges(exchanges)
-            rows += zip(times, times, [channel] * len(times), data, strict=True)
+            encoded = cdr.encode_exchanges(exchanges)
+            rows += zip(times, times, [channel] * len(times), encoded, strict=True)
         for event in columns.events:
             channel = self._channel("/events", cdr.EVENT)
             rows.append((event.t, event.t, channel, cdr.encode_event(event)))
@@ -148,6 +157,7 @@ def read_take(path: Path) -> Columns:
     joints: dict[str, Joints] = {}
     events: list[Event] = []
     clocks: dict[str, Exchanges] = {}
+    states: dict[str, States] = {}
     for (topic, schema), rows in messages.items():
         times = np.array([t for t, _ in rows], dtype=np.int64)
         data = [raw for _, raw in rows]
@@ -162,9 +172,12 @@ def read_take(path: Path) -> Columns:
             joints[stream] = cdr.decode_joints(data, times)
         elif schema == cdr.CLOCK_EXCHANGE:
             clocks[stream.removeprefix("clock/")] = cdr.decode_exchanges(data)
+        elif schema == cdr.ROBOT_STATE:
+            states[stream] = cdr.decode_states(data)
         elif schema == cdr.EVENT:
             events += map(cdr.decode_event, data)
-    return Columns(poses, joints, sorted(events, key=lambda event: event.t), clocks, metadata)
+    events.sort(key=lambda event: event.t)
+    return Columns(poses, joints, events, clocks, metadata, states)
 
 
 def _read_messages(

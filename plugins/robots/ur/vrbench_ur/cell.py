@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from vrbench.geometry import Bools, Floats, Transform, quat_to_matrix
+from vrbench.geometry import Bools, Floats, Ints, Transform, quat_to_matrix
 from vrbench_ur.arms import JOINTS, POSITION, Arm, Dh
 from vrbench_ur.options import Options
 
@@ -248,7 +248,7 @@ class Cell:
                 return True
         return False
 
-    def clearance(self, q: Floats) -> tuple[Floats, Floats]:
+    def clearance(self, q: Floats) -> tuple[Floats, Ints]:
         """Least distances (n,) [m] at joint angles (n, 6), and which pair (n,) has them."""
         least, which = np.empty(len(q)), np.empty(len(q), dtype=np.int64)
         model, data, geometry, near = self.model, self._data, self._geometry, self._distances

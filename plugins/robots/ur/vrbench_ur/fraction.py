@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vrbench.geometry import Floats, Transform, relative_angle, slerp
+from vrbench.geometry import Floats, Ints, Transform, relative_angle, slerp
 from vrbench_ur.arms import POSITION
 from vrbench_ur.cell import Cell
 from vrbench_ur.inverse import solve
@@ -29,7 +29,7 @@ def moveit_fraction(
     turn_rad: float = TURN_STEP_RAD,
     jump_threshold: float = 0.0,
 ) -> float:
-    """The fraction 0..1 of the flange's waypoints (n,) that can be followed from `start` (6,) [rad].
+    """The fraction 0..1 of the flange's waypoints (n,) that can be followed from `start` (6,).
 
     Args:
         waypoints: `T_base_flange` (n,); the first is where the arm stands.
@@ -55,7 +55,7 @@ def moveit_fraction(
     return part
 
 
-def _interpolated(waypoints: Transform, step_m: float, turn_rad: float) -> tuple[Transform, Floats]:
+def _interpolated(waypoints: Transform, step_m: float, turn_rad: float) -> tuple[Transform, Ints]:
     """Poses behind the first waypoint, and the segment (m,) that each is of."""
     a, b = waypoints[:-1], waypoints[1:]
     apart = np.linalg.norm(b.p - a.p, axis=1)
@@ -81,7 +81,7 @@ def _followed(solutions: Floats, start: Floats) -> Floats:
     return np.array(q).reshape(-1, 6)
 
 
-def _share(done: int, of: Floats, segments: int) -> float:
+def _share(done: int, of: Ints, segments: int) -> float:
     """Full segments and the part of the one that broke off, over all."""
     if done >= len(of):
         return 1.0

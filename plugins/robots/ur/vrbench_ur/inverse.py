@@ -101,7 +101,7 @@ def pose_error(q: Floats, pose: Transform, dh: Dh) -> Floats:
 def refine(
     q: Floats, pose: Transform, dh: Dh, *, rounds: int = 8, tolerance: float = 1e-10
 ) -> Floats:
-    """Joint angles (n, 6) near q that reach the poses (n,) with parameters `dh`, by Newton's method.
+    """Joint angles (n, 6) near q that reach the poses (n,) with parameters `dh`, by Newton.
 
     Raises:
         EstimationError: it doesn't converge: q is too far off, or singular.

@@ -36,7 +36,7 @@ def flange(q: Floats, dh: Dh) -> Transform:
 
 
 def flange_once(q: Sequence[float], dh: Dh) -> tuple[list[list[float]], list[float]]:
-    """Rotation and position of the flange in base, of one posture; plain floats are quicker for one.
+    """Rotation and position of the flange in base, of one posture; for one, floats are quicker.
 
     Args:
         q: six joint angles [rad].

@@ -94,6 +94,12 @@ class Options(_Strict):
     rate_hz: float = Field(500.0, ge=10.0, le=500.0, description="of logged poses [Hz]")
     lookahead_s: float = Field(0.03, ge=0.03, le=0.2, description="of servoJ [s]")
     gain: float = Field(600.0, ge=100.0, le=2000.0, description="of servoJ")
+    watchdog_hz: float = Field(
+        10.0, ge=2.0, le=125.0, description="commands a second below which the controller stops"
+    )
+    first_pass_percent: float = Field(
+        25.0, gt=0.0, le=100.0, description="speed of a plan's first pass; 100 for none"
+    )
     timeout_s: float = Field(2.0, gt=0.0, le=10.0, description="for a connection's answers [s]")
     max_error_deg: float = Field(
         4.0, gt=0.0, le=30.0, description="a joint's distance to its command that aborts"

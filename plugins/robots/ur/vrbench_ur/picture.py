@@ -95,7 +95,8 @@ def _views(plan: UrPlan, top: float, size: float) -> list[str]:
         x = left + size * (0.5 + (p[:, a] - middle[a]) / span)
         y = top + size * (0.5 - (p[:, b] - middle[b]) / span)
         rows += [
-            f'<rect x="{left}" y="{top}" width="{size}" height="{size}" fill="none" stroke="#999"/>',
+            f'<rect x="{left}" y="{top}" width="{size}" height="{size}" '
+            'fill="none" stroke="#999"/>',
             _line(x, y, COLOURS[0]),
             f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="4" fill="{COLOURS[1]}"/>',
             _text(left, top + size + 18, f"tcp {name}; {span:.2f} m wide, dot = start"),

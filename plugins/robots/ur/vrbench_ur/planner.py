@@ -22,7 +22,7 @@ from vrbench_ur.fraction import COARSE_HZ, moveit_fraction
 from vrbench_ur.inverse import branch_name, refine
 from vrbench_ur.kinematics import flange
 from vrbench_ur.options import Options, Start
-from vrbench_ur.search import Progress, search
+from vrbench_ur.search import Progress, quiet, search
 from vrbench_ur.spline import JointPath, smooth
 from vrbench_ur.targets import Task, check_motion, postures, reached, start_eye
 
@@ -107,7 +107,7 @@ class Planner:
         self.cell = Cell(arm, options, self.dh)
         self.rig = rig_digest(arm, options, mounting, self.dh)
 
-    def plan(self, motion: Trajectory, progress: Progress = lambda what, done: None) -> UrPlan:
+    def plan(self, motion: Trajectory, progress: Progress = quiet) -> UrPlan:
         """A plan that does the whole motion, `T_eye0_eye` with stamps from 0.
 
         Raises:

@@ -18,7 +18,22 @@ LONGEST_MOVE_S = 300.0
 STEP_SHARE = 1.25
 
 
-class RobotFault(DeviceError):
+# By importance: the first that is set is told.
+SAFETY = {
+    7: "emergency stop",
+    5: "system emergency stop",
+    6: "emergency stop at the robot",
+    8: "safety violation",
+    9: "safety fault",
+    2: "protective stop",
+    4: "safeguard stop",
+    3: "recovery mode",
+    1: "reduced mode: its limits are not those of the plan",
+    10: "stopped by its safety system",
+}
+
+
+class RobotFaultError(DeviceError):
     """The robot stopped, or had to be stopped. Stays until the session ends: nothing resumes."""
 
 
@@ -76,6 +91,14 @@ def check_blocking(duration_s: float) -> None:
             f"a blocking move of {duration_s:.0f} s is longer than the client waits",
             fix=f"at most {LONGEST_MOVE_S:.0f} s; replay goes by servoJ and has no such limit",
         )
+
+
+def safety_text(bits: int) -> str:
+    """What safety_status_bits other than normal mean, and what to do."""
+    for bit, what in SAFETY.items():
+        if bits & (1 << bit):
+            return f"{what}; nothing goes on by itself: look at the arm, clear it at the pendant"
+    return f"safety bits {bits:#x} are set"
 
 
 def check_measured(arm: Arm, measured: Floats, planned: Floats, tolerance_rad: float) -> None:

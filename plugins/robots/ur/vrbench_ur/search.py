@@ -22,6 +22,11 @@ from vrbench_ur.targets import Task, beside_base, postures, reached
 # Told what is being done and the part done, 0..1.
 Progress = Callable[[str, float], None]
 
+
+def quiet(_what: str, _done: float) -> None:
+    """Progress that nobody is told of."""
+
+
 CANDIDATES = 8192
 BATCH = 256
 # How many starts are looked at in full, how many of them are moved about, and how often.

@@ -23,7 +23,7 @@ def _planner(arm: Arm, options: Options, mounting: Transform) -> MotionPlanner:
     return PlannerPort(arm, options, mounting)
 
 
-def _check(arm: Arm, options: Options, session: Session) -> Iterator[Finding]:
+def _check(arm: Arm, options: Options, _session: Session) -> Iterator[Finding]:
     from vrbench_ur.probe import findings
 
     return findings(arm, options)

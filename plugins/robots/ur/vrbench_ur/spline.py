@@ -73,7 +73,7 @@ def smooth(t: Floats, q: Floats) -> JointPath:
     ends = np.array([0.0, first.duration_s])
     speed, bend = first.at(ends, 1), first.at(ends, 2)
     step = float(np.median(np.diff(t)))
-    lead = np.arange(round(LEAD_S / step)) * step
+    lead: Floats = np.arange(round(LEAD_S / step), dtype=np.float64) * step
     length = len(lead) * step
     lead_in = length if np.abs(speed[0]).max() > REST else 0.0
     lead_out = length if np.abs(speed[1]).max() > REST else 0.0

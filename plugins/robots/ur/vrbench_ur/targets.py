@@ -1,4 +1,4 @@
-"""Where the flange must be so that the mounted eye moves as the head did, and the arm's postures."""
+"""Where the flange must be so that the eye moves as the head did, and the postures for it."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class Controller:
     # -- what goes wrong
 
     def protective_stop(self) -> None:
-        """The arm stops hard; the program is paused, and goes on at nobody's wish but a person's."""
+        """The arm stops hard; the program is paused until a person clears it."""
         self.safety = {rtde.PROTECTIVE, rtde.STOPPED}
         self._stopped_at = self.tick_count
         if self.runtime == rtde.RUNTIME_PLAYING:

@@ -6,7 +6,13 @@ from vrbench_ur import rtde
 from vrbench_ur.emulator.controller import Controller
 
 GREETING = "Connected: Universal Robots Dashboard Server\n"
-SAFETY = {1: "NORMAL", 2: "REDUCED", 3: "PROTECTIVE_STOP", 5: "SAFEGUARD_STOP", 7: "ROBOT_EMERGENCY_STOP"}
+SAFETY = {
+    1: "NORMAL",
+    2: "REDUCED",
+    3: "PROTECTIVE_STOP",
+    5: "SAFEGUARD_STOP",
+    7: "ROBOT_EMERGENCY_STOP",
+}
 
 
 def answer(

@@ -232,9 +232,7 @@ class Server:
             for owned, _ in other.recipes.values()
             for name in owned
         }
-        kinds = [
-            "IN_USE" if name in used else rtde.INPUTS.get(name, "NOT_FOUND") for name in names
-        ]
+        kinds = ["IN_USE" if name in used else rtde.INPUTS.get(name, "NOT_FOUND") for name in names]
         recipe = 0
         if not {"IN_USE", "NOT_FOUND"} & set(kinds):
             recipe = len(client.recipes) + 1
@@ -243,7 +241,7 @@ class Server:
         self._reply(client, rtde.message(rtde.SETUP_INPUTS, told))
 
     def _written(self, client: Client, payload: bytes) -> None:
-        names, layout = client.recipes[payload[0]] if payload[0] in client.recipes else ([], None)
+        names, layout = client.recipes.get(payload[0], ([], None))
         if layout is None or len(payload) - 1 != layout.size:
             raise ValueError("values that no recipe describes")
         for name, value in zip(names, layout.unpack_from(payload, 1), strict=True):

@@ -73,9 +73,7 @@ class Twin:
             at = list(goal)
 
         def course(t: float) -> tuple[list[float], bool]:
-            begin, duration, a, b = next(
-                (c for c in reversed(courses) if c[0] <= t), courses[0]
-            )
+            begin, duration, a, b = next((c for c in reversed(courses) if c[0] <= t), courses[0])
             u = min(max((t - begin) / duration, 0.0), 1.0)
             return [x + u * (y - x) for x, y in zip(a, b, strict=True)], t >= total
 
