@@ -32,8 +32,11 @@ class ClockMap:
     @classmethod
     def affine(cls, at_ns: int, offset_s: float, skew: float = 0.0) -> ClockMap:
         """The offset [s] at one device time [ns], growing by `skew` seconds a second."""
-        knots = np.array([at_ns, at_ns + NS], dtype=np.int64)
-        return cls(knots, np.array([offset_s, offset_s + skew]) * NS)
+        # The knots are far apart because an offset of epoch size is known to 256 ns in float64,
+        # and that error over the distance is an error of the skew.
+        apart_s = 10_000
+        knots = np.array([at_ns, at_ns + apart_s * NS], dtype=np.int64)
+        return cls(knots, np.array([offset_s, offset_s + skew * apart_s]) * NS)
 
     def offset_ns(self, t_device: npt.ArrayLike) -> Floats:
         """Offsets [ns] at times on the device's clock [ns]."""

@@ -17,6 +17,7 @@ from vrbench.recording import datasets
 from vrbench.recording.importer import Imported
 from vrbench.recording.take import TakeWriter
 from vrbench.results.bundle import (
+    AccuracyRecord,
     Bundle,
     DeviceRecord,
     RunRecord,
@@ -62,6 +63,10 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
         sitting=recordings.sitting,
         device=DeviceRecord(**recordings.device.model_dump()),
         references=_references(recordings, suite, path),
+        accuracy={
+            name: AccuracyRecord(metres=stated.value, source=stated.source)
+            for name, stated in recordings.accuracy.items()
+        },
         versions=versions(plugins.versions()),
     )
     inputs = {"recordings.yaml": path.read_text(encoding="utf-8")}

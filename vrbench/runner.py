@@ -24,6 +24,7 @@ from vrbench.motion.motion import Motion, at_speed
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
+    AccuracyRecord,
     Bundle,
     DeviceRecord,
     RunRecord,
@@ -99,6 +100,7 @@ def record_suite(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
         references=["robot"],
+        accuracy=_accuracy(rig),
         seed=seed,
         versions=versions(plugins.versions()),
     )
@@ -114,6 +116,16 @@ def record_suite(
             _record_step(bundle, devices, step, motions[step.case.motion], watcher)
         bundle.finish()
     return bundle
+
+
+def _accuracy(rig: Rig) -> dict[str, AccuracyRecord]:
+    """What the rig states of its references."""
+    stated = {"robot": rig.robot, "mocap": rig.mocap}
+    return {
+        name: AccuracyRecord(metres=device.accuracy.value, source=device.accuracy.source)
+        for name, device in stated.items()
+        if device is not None and device.accuracy is not None
+    }
 
 
 def _profile(rig: Rig, rig_name: str, plugins: Plugins) -> HeadsetProfile:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ from vrbench.geometry import (
 
 NS = 1_000_000_000
 QUATERNION_TOLERANCE = 1e-2
+EXACT_S = 1e6
+"""Below this, seconds in float64 tell nanoseconds apart: they are 0.12 ns from one to the next."""
 LATEST_S = 2**63 / NS
 """Stamps lie within int64 nanoseconds of 0: the year 2262 in epoch time [s]."""
 
@@ -135,8 +138,16 @@ def read_tum(path: Path) -> Trajectory:
     bad = np.flatnonzero(~(np.abs(rows[:, 0]) < LATEST_S))
     if len(bad):
         raise DataError(f"stamp of pose {bad[0] + 1} is {rows[bad[0], 0]:g} s", file=path)
-    t = np.rint(rows[:, 0] * NS).astype(np.int64)
+    t = _stamps(path, rows[:, 0])
     return checked_trajectory(t, rows[:, 1:4], rows[:, 4:8], path)
+
+
+def _stamps(path: Path, seconds: Floats) -> Ints:
+    """A TUM file's stamps (n,) [ns], exact: from the text where float64 seconds lose digits."""
+    if np.abs(seconds).max() < EXACT_S:
+        return np.rint(seconds * NS).astype(np.int64)
+    text = np.loadtxt(path, dtype=object, comments="#", usecols=0, ndmin=1, encoding="utf-8")
+    return np.array([round(Decimal(stamp) * NS) for stamp in text.tolist()], dtype=np.int64)
 
 
 def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
@@ -171,7 +182,7 @@ def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
 def write_tum(trajectory: Trajectory, path: Path) -> None:
     """TUM text: stamps with nine decimals, exact; values to the last digit."""
     lines = (
-        f"{t // NS}.{t % NS:09d} " + " ".join(map(repr, (*p, *q)))
+        f"{'-' * (t < 0)}{abs(t) // NS}.{abs(t) % NS:09d} " + " ".join(map(repr, (*p, *q)))
         for t, p, q in zip(
             trajectory.t.tolist(),
             trajectory.pose.p.tolist(),

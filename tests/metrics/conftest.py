@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vrbench.clocks import ClockMap
-from vrbench.geometry import Transform, rotvec_to_quat
+from vrbench.geometry import Transform, quat_multiply, rotvec_to_quat
+from vrbench.metrics import tilt
 from vrbench.metrics.scored import ScoredTake
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
@@ -77,3 +78,49 @@ def values():
         return found
 
     return run
+
+
+def moved(samples, seconds, mm=(0, 0, 0)):
+    t = samples.pose_t + round(seconds * NS)
+    return Samples.of(t, Transform(samples.pose.p + np.array(mm) / 1e3, samples.pose.q))
+
+
+def stop_and_go(s, speed=0.2):
+    """Moves, rests from 5 s to 15 s, moves."""
+    moving = np.clip(s, 0, 5) + np.clip(s - 15, 0, None)
+    p = np.stack([speed * np.sin(moving), speed * moving, 0 * s], axis=1)
+    return Transform(p, rotvec_to_quat(np.stack([0 * s, 0.1 * moving, 0 * s], axis=1)))
+
+
+def leaning(rate_rad_per_s, axis):
+    """Errors of rotation about an axis of base, growing at a rate."""
+
+    def spoil(s, pose):
+        turn = rotvec_to_quat(np.outer(rate_rad_per_s * s, axis))
+        return Transform(pose.p, quat_multiply(turn, pose.q))
+
+    return spoil
+
+
+def up_of(take):
+    return tilt.up_in_base(take.truth @ take.x, take.estimate.pose)[0]
+
+
+@pytest.fixture(name="moved", scope="session")
+def _moved():
+    return moved
+
+
+@pytest.fixture(name="stop_and_go", scope="session")
+def _stop_and_go():
+    return stop_and_go
+
+
+@pytest.fixture(name="leaning", scope="session")
+def _leaning():
+    return leaning
+
+
+@pytest.fixture(name="up_of", scope="session")
+def _up_of():
+    return up_of

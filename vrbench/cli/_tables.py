@@ -83,7 +83,8 @@ def show_boards(boards: Sequence[Board]) -> None:
             f"suite {key.suite_digest[:8]}, motion {key.motion_digest[:8]}"
         )
         unit = next((entry.unit for entry in board.entries if entry.unit), "")
-        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "takes ", "mounts ", "valid % "]
+        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "95 % ", "floor "]
+        header += ["takes ", "mounts ", "valid % ", "status", "why"]
         rows = [
             [
                 "-" if e.rank is None else str(e.rank),
@@ -91,6 +92,8 @@ def show_boards(boards: Sequence[Board]) -> None:
                 e.lab,
                 e.firmware,
                 _number(e.value),
+                "" if e.low is None else f"{_number(e.low)}-{_number(e.high)}",
+                _number(e.floor),
                 str(e.takes),
                 str(e.mounts),
                 _number(e.coverage),
@@ -99,7 +102,7 @@ def show_boards(boards: Sequence[Board]) -> None:
             ]
             for e in board.entries
         ]
-        show_table(title, [*header, "status", "why"], rows)
+        show_table(title, header, rows)
 
 
 def _state(row: Row) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from vrbench.config.rig import Accuracy
 from vrbench.config.suite import Name
 from vrbench.config.yaml_file import load_model
 
@@ -67,6 +68,7 @@ class Recordings(_Strict):
     lab: str = Field(min_length=1)
     device: DeviceFacts
     sitting: str = "1"
+    accuracy: dict[Literal["robot", "mocap"], Accuracy] = {}
     takes: tuple[RecordedTake, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -76,9 +78,9 @@ class Recordings(_Strict):
             if places.count(place) > 1:
                 raise ValueError(
                     "two takes are case {} mount {} repeat {}".format(*place)
-                    + ": give mount or repeat"
+                    + ": give each its mount and repeat"
                 )
-        for case in {take.case for take in self.takes}:
+        for case in dict.fromkeys(take.case for take in self.takes):
             if len({(t.motion, t.speed) for t in self.takes if t.case == case}) > 1:
                 raise ValueError(
                     f"takes of case {case} differ in motion or speed, which makes them no repeats: "

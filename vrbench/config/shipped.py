@@ -29,11 +29,10 @@ def find_file(kind: str, name: str, others: dict[str, Path] | None = None) -> Pa
     known = {**shipped_files(kind), **(others or {})}
     if name in known:
         return known[name]
+    fix = f"a path to a .yaml file, or {', '.join(known)}"
     path = Path(name)
     if path.suffix in (".yaml", ".yml") or path.is_file():
         if path.is_file():
             return path
-        raise ConfigError("no such file", file=path)
-    raise ConfigError(
-        f"no {kind} file or name is {name!r}", fix=f"a path to a .yaml file, or {', '.join(known)}"
-    )
+        raise ConfigError("no such file", file=path, fix=fix)
+    raise ConfigError(f"no {kind} file or name is {name!r}", fix=fix)

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_vali
 
 from vrbench.config.quantity import Angle, Duration, Fraction, Length
 from vrbench.config.shipped import find_file
-from vrbench.config.yaml_file import load_model, load_yaml, validate
+from vrbench.config.yaml_file import line_of, load_yaml, validate
 from vrbench.errors import ConfigError
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
@@ -74,15 +74,13 @@ class Suite(_Strict):
         ids = [case.id for case in self.cases]
         twice = {name for name in ids if ids.count(name) > 1}
         if twice:
-            raise ValueError(f"two cases are called {', '.join(sorted(twice))}")
+            raise ValueError(f"two cases are called {', '.join(sorted(twice))}: an id each")
         for case in self.cases:
             if case.motion not in self.motions:
                 known = ", ".join(self.motions)
-                raise ValueError(
-                    f"case {case.id} moves by {case.motion!r}, but motions has {known}"
-                )
+                raise ValueError(f"case {case.id} moves by {case.motion!r}: motions has {known}")
             if "x" in case.needs and not self.calibrations:
-                raise ValueError(f"case {case.id} needs x, but no case has role: calibration")
+                raise ValueError(f"case {case.id} needs x: give a case with role calibration")
         return self
 
     @property
@@ -171,19 +169,33 @@ def load_suite(name: str, others: dict[str, Path] | None = None) -> Suite:
 
 
 def _resolve(path: Path, others: dict[str, Path], below: tuple[Path, ...]) -> Suite:
-    content = load_yaml(path)
+    content, root = load_yaml(path)
     if "extends" not in content:
-        return load_model(path, Suite)
+        return validate(content, Suite, path, root)
+    file = f"{path}{line_of(root, ['extends'])}"
     if path in below:
-        raise ConfigError("extends itself", file=path, field="extends")
+        raise ConfigError(
+            "extends itself", file=file, field="extends", fix="extend a suite that is complete"
+        )
     name, _, version = str(content.pop("extends")).partition("@")
-    base_path = find_file("suites", name, others)
+    try:
+        base_path = find_file("suites", name, others)
+    except ConfigError as error:
+        raise ConfigError(error.what, file=file, field="extends", fix=error.fix) from None
     base = _resolve(base_path, others, (*below, path))
     if str(base.version) != version:
         raise ConfigError(
-            f"extends {name}@{version or '?'}",
-            file=path,
+            f"there is no {name}@{version or '?'}",
+            file=file,
             field="extends",
-            fix=f"name a version that is there: {base.label}",
+            fix=f"name the version that is there: {base.label}",
         )
-    return validate({**base.canonical(), **content}, Suite, path)
+    suite = validate({**base.canonical(), **content}, Suite, path, root)
+    if suite.label == base.label:
+        raise ConfigError(
+            f"is called {suite.label}, as the suite it extends",
+            file=f"{path}{line_of(root, ['suite'])}",
+            field="suite",
+            fix="give it a name or a version of its own",
+        )
+    return suite

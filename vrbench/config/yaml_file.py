@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from vrbench.errors import ConfigError
 
 Model = TypeVar("Model", bound=BaseModel)
+SYNTAX = "each key once, as `key: value`; text that holds : # [ ] { } wants quotes"
 
 
 class _Loader(yaml.SafeLoader):
@@ -21,6 +22,10 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.MarkedYAMLError(
+                    problem="a key that is no text", problem_mark=key.start_mark
+                )
             if key.value in seen:
                 raise yaml.MarkedYAMLError(
                     problem=f"the key {key.value!r} stands twice", problem_mark=key.start_mark
@@ -29,7 +34,7 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-_PLAIN = {"tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:int", "tag:yaml.org,2002:bool"}
+_PLAIN = {f"tag:yaml.org,2002:{kind}" for kind in ("timestamp", "int", "float", "bool")}
 _Loader.yaml_implicit_resolvers = {
     letter: [(tag, pattern) for tag, pattern in pairs if tag not in _PLAIN]
     for letter, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
@@ -38,18 +43,39 @@ _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789")
 )
 _Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))(?:[eE][-+]?[0-9]+)?$"),
+    list("-+.0123456789"),
+)
+_Loader.add_implicit_resolver(
     "tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF")
 )
 
 
-def load_yaml(path: Path) -> dict[str, Any]:
-    """The mapping that a YAML file holds.
+def load_yaml(path: Path) -> tuple[dict[str, Any], yaml.Node]:
+    """The mapping that a YAML file holds, and the tree that knows its lines.
 
     Raises:
         ConfigError: no such file, not text, not YAML, a key twice, not a mapping.
     """
-    content, _ = _parse(path)
-    return content
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError("no such file", file=path, fix="a path to a .yaml file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError("can't be read as text", file=path, fix=str(error)) from None
+    try:
+        root = yaml.compose(text, _Loader)
+        content = yaml.load(text, _Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
+        raise ConfigError(f"not YAML: {error.problem}", file=f"{path}{place}", fix=SYNTAX) from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"not YAML: {error}", file=path, fix=SYNTAX) from None
+    if root is None or not isinstance(content, dict):
+        raise ConfigError("holds no fields", file=path, fix="the file is a YAML mapping")
+    return content, root
 
 
 def load_model(path: Path, model: type[Model]) -> Model:
@@ -58,7 +84,7 @@ def load_model(path: Path, model: type[Model]) -> Model:
     Raises:
         ConfigError: as `load_yaml`, and for every field that is unknown, missing or wrong.
     """
-    content, root = _parse(path)
+    content, root = load_yaml(path)
     return validate(content, model, path, root)
 
 
@@ -74,47 +100,39 @@ def validate(
         return model.model_validate(content)
     except ValidationError as error:
         problems = error.errors(include_url=False)
-        first = problems[0]
+        # a field that is misspelt is both unknown and missing: the first says more
+        first = min(problems, key=lambda problem: problem["type"] == "missing")
         loc = first["loc"]
-        more = f"; {len(problems) - 1} more after it" if len(problems) > 1 else ""
+        what, fix = _told(first, loc, model)
+        more = f"; {len(problems) - 1} more besides" if len(problems) > 1 else ""
         raise ConfigError(
-            first["msg"].removeprefix("Value error, ") + _found(first) + more,
-            file=f"{path}{_line(root, loc)}",
+            what + more,
+            file=f"{path}{line_of(root, loc)}",
             field=".".join(str(part) for part in loc) or None,
-            fix=_fix(first["type"], loc, model),
+            fix=fix,
         ) from None
 
 
-def _parse(path: Path) -> tuple[dict[str, Any], yaml.Node]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError("no such file", file=path) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError("can't be read as text", file=path, fix=str(error)) from None
-    try:
-        root = yaml.compose(text, _Loader)
-        content = yaml.load(text, _Loader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise ConfigError(f"not YAML: {error.problem}", file=f"{path}{place}") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(f"not YAML: {error}", file=path) from None
-    if root is None or not isinstance(content, dict):
-        raise ConfigError("holds no fields", file=path, fix="the file is a YAML mapping")
-    return content, root
+def _told(problem: Any, loc: Sequence[int | str], model: type[BaseModel]) -> tuple[str, str | None]:
+    """What was found, and what would be right."""
+    kind, found = problem["type"], problem["input"]
+    right = problem["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    if kind == "missing":
+        last = loc[-1]
+        return "is missing", f"write `{last}: ...`" if isinstance(last, str) else "one value more"
+    if kind == "extra_forbidden":
+        return "there is no such field", _fields(loc, model)
+    if kind == "value_error" and isinstance(found, dict | BaseModel):
+        # the fields are at odds with each other; the message says how, and what to do
+        what, _, fix = right.partition(": ")
+        return what, fix or None
+    if kind == "string_type" and isinstance(found, int | float):
+        right += f', in quotes: "{found}"'
+    return "found nothing" if found is None else f"found {found!r}", right
 
 
-def _found(problem: Any) -> str:
-    value = problem.get("input")
-    if problem["type"] in ("missing", "extra_forbidden") or isinstance(value, dict | list):
-        return ""
-    return f"; found {value!r}"
-
-
-def _line(root: yaml.Node | None, loc: Sequence[int | str]) -> str:
-    """`:line:column` of the field, or of the innermost thing on the way to it."""
+def line_of(root: yaml.Node | None, loc: Sequence[int | str]) -> str:
+    """`:line:column` of a field, or of the innermost thing on the way to it."""
     if root is None:
         return ""
     node, mark = root, root.start_mark
@@ -125,22 +143,23 @@ def _line(root: yaml.Node | None, loc: Sequence[int | str]) -> str:
                 break
             mark, node = found[0].start_mark, found[1]
         elif isinstance(node, yaml.SequenceNode) and isinstance(part, int):
+            if part >= len(node.value):
+                break
             node = node.value[part]
             mark = node.start_mark
     return f":{mark.line + 1}:{mark.column + 1}"
 
 
-def _fix(kind: str, loc: Sequence[int | str], model: type[BaseModel]) -> str | None:
+def _fields(loc: Sequence[int | str], model: type[BaseModel]) -> str | None:
     """For an unknown field, the fields there are."""
-    if kind != "extra_forbidden":
-        return None
     owner: Any = model
     for part in loc[:-1]:
         if isinstance(part, str) and isinstance(owner, type) and issubclass(owner, BaseModel):
             info = owner.model_fields.get(part)
             owner = _model_in(info.annotation) if info else None
     if isinstance(owner, type) and issubclass(owner, BaseModel):
-        return "fields are " + ", ".join(owner.model_fields)
+        names = (info.alias or name for name, info in owner.model_fields.items())
+        return "fields are " + ", ".join(names)
     return None
 
 

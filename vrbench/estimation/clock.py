@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,14 +12,15 @@ from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
 from vrbench.estimation.checks import require_poses
 from vrbench.estimation.correlation import (
+    BASELINE_NS,
     STEP_NS,
     Signal,
     angular_speed,
     correlate,
     refined_peak,
 )
-from vrbench.estimation.drift import fit_drift
-from vrbench.geometry import Floats
+from vrbench.estimation.drift import LONG_TAKE_S, Stretch, fit_drift
+from vrbench.geometry import Bools, Floats
 from vrbench.trajectory import NS, Trajectory
 
 MINIMUM_POSES = 20
@@ -40,7 +42,8 @@ class ClockFit:
         clock: from the estimate's clock to the reference's.
         offset_s: the estimate's clock minus the reference's, in the middle of the overlap [s].
         skew: growth of the offset [s/s]; 0 in takes of less than ten minutes.
-        correlation: of the angular speeds at that offset.
+        correlation: of the angular speeds at that offset; in takes of more than ten minutes, of the
+            ten with most motion; with steps, the least of the stretches.
         distinctness: `correlation` over that of the next separate peak; inf if there is none.
         residual_s: root mean square difference between the offsets of local windows and the
             clock [s]; None if the overlap holds fewer than two windows.
@@ -83,10 +86,13 @@ def estimate_clock(
     reach_s = MAX_SEARCH_S if search_s is None else search_s
     _require_overlap(reference, estimate, around_s, reach_s)
     first, second = _signals(reference, estimate)
-    stretches = _stretches(second, steps_ns)
-    seeds = [_seed(first, part, around_s, reach_s) for part in stretches]
-    # the longest stretch speaks for the take
-    main = seeds[int(np.argmax([seed.overlap_s for seed in seeds]))]
+    stretches = _stretches(second, estimate, steps_ns)
+    seeds = [
+        _seed(first, _liveliest(stretch.signal), around_s, reach_s, _place(stretch, len(stretches)))
+        for stretch in stretches
+    ]
+    # the least certain stretch speaks for the take
+    main = min(seeds, key=lambda seed: seed.correlation)
     drift = fit_drift(first, stretches, [seed.offset_ns for seed in seeds])
     t = second.t
     middle = int(t[0] + (t[-1] - t[0]) // 2)
@@ -97,7 +103,7 @@ def estimate_clock(
         correlation=main.correlation,
         distinctness=main.distinctness,
         residual_s=drift.residual_s,
-        overlap_s=sum(seed.overlap_s for seed in seeds),
+        overlap_s=_overlap_s(first, second, drift.clock),
     )
 
 
@@ -106,22 +112,30 @@ class _Seed:
     offset_ns: float
     correlation: float
     distinctness: float
-    overlap_s: float
 
 
-def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Seed:
+def _seed(
+    first: Signal, second: Signal, around_s: float, reach_s: float, place: str | None
+) -> _Seed:
     """One constant offset for the whole of `second`."""
     low, high = (around_s - reach_s) * NS, (around_s + reach_s) * NS
     # one lobe more on each side, so that a peak at the border is seen to be one
     margin = 1.0 * NS
-    found = correlate(first, second, low - margin, high + margin)
     enough = _enough(first, second)
+    if second.mask.sum() * STEP_NS < MINIMUM_OVERLAP_S * NS:
+        raise EstimationError(
+            f"tracked for {second.mask.sum() * STEP_NS / NS:.3g} s only",
+            field=place or "estimate",
+            fix=f"at least {MINIMUM_OVERLAP_S:g} s are needed to find a clock",
+        )
+    found = correlate(first, second, low - margin, high + margin)
     r = np.where(found.common >= enough, found.r, np.nan)
     inside = (found.offset_ns >= low) & (found.offset_ns <= high)
     if not np.isfinite(r[inside]).any():
         raise EstimationError(
             f"the two streams have no {enough * STEP_NS / NS:.3g} s of motion in common within "
             f"{reach_s:g} s of an offset of {around_s:g} s",
+            field=place,
             fix="widen the search, or record both streams at the same time",
         )
     best = int(np.nanargmax(np.where(inside, r, np.nan)))
@@ -130,21 +144,45 @@ def _seed(first: Signal, second: Signal, around_s: float, reach_s: float) -> _Se
         raise EstimationError(
             f"the angular speeds of the two streams correlate by {peak:.2f} at best "
             f"(offset {offset / NS:.3f} s)",
+            field=place,
             fix=f"{MINIMUM_CORRELATION} or more is needed: are both streams of one motion?",
+        )
+    if np.any(r[max(best - 1, 0) : best + 2] > r[best]):
+        raise EstimationError(
+            f"the correlation still grows where the search ends, at {offset / NS:.3f} s",
+            field=place,
+            fix=f"the search reaches {reach_s:g} s from {around_s:g} s; widen or move it",
         )
     other, at = _next_peak(r, best, inside)
     if other > 0.0 and peak < MINIMUM_DISTINCTNESS * other:
         raise EstimationError(
             f"two offsets fit alike: {offset / NS:.3f} s (correlation {peak:.4f}) and "
             f"{found.offset_ns[at] / NS:.3f} s ({other:.4f})",
+            field=place,
             fix="the motion repeats: bound the search to less than half a loop",
         )
-    return _Seed(
-        offset, peak, peak / other if other > 0.0 else np.inf, found.common[best] * STEP_NS / NS
-    )
+    return _Seed(offset, peak, peak / other if other > 0.0 else np.inf)
 
 
-def _next_peak(r: Floats, best: int, inside: np.ndarray) -> tuple[float, int]:
+def _liveliest(signal: Signal) -> Signal:
+    """The ten minutes in which the angular speed varies most: over hours, skew smears the peak."""
+    size = int(LONG_TAKE_S * NS / STEP_NS)
+    if len(signal.value) <= size:
+        return signal
+    starts = range(0, len(signal.value) - size + 1, size)
+    best = max(starts, key=lambda i: float(np.var(signal.value[i : i + size])))
+    return signal.between(int(signal.t[best]), int(signal.t[best + size - 1]))
+
+
+def _overlap_s(first: Signal, second: Signal, clock: ClockMap) -> float:
+    """For how long both signals are known [s]."""
+    t = clock.to_reference(second.t[second.mask])
+    at = (t - first.start_ns + STEP_NS // 2) // STEP_NS
+    at = at[(at >= 0) & (at < len(first.mask))]
+    return float(first.mask[at].sum()) * STEP_NS / NS
+
+
+def _next_peak(r: Floats, best: int, inside: Bools) -> tuple[float, int]:
     """The largest correlation beyond the valleys on both sides of the best, and where it is."""
     filled = np.where(np.isfinite(r), r, -1.0)
     left = best
@@ -191,12 +229,22 @@ def _signals(reference: Trajectory, estimate: Trajectory) -> tuple[Signal, Signa
     return first, second
 
 
-def _stretches(signal: Signal, steps_ns: Sequence[int]) -> list[Signal]:
+def _stretches(signal: Signal, estimate: Trajectory, steps_ns: Sequence[int]) -> list[Stretch]:
     """The signal cut where its clock was set."""
-    t = signal.t
-    inner = sorted({int(s) for s in steps_ns if t[0] < s < t[-1]})
-    borders = [int(t[0]), *inner, int(t[-1]) + 1]
-    return [signal.between(a, b - 1) for a, b in zip(borders[:-1], borders[1:], strict=True)]
+    first, last = int(estimate.t[0]), int(estimate.t[-1])
+    inner = sorted({int(step) for step in steps_ns if first < step <= last})
+    half = BASELINE_NS // 2 if inner else 0
+    return [
+        Stretch(a, b - 1, signal.between(a + half, b - half))
+        for a, b in pairwise([first, *inner, last + 1])
+    ]
+
+
+def _place(stretch: Stretch, count: int) -> str | None:
+    """Which part of the estimate is meant, if it has several."""
+    if count == 1:
+        return None
+    return f"estimate from {stretch.start_ns / NS:.3f} to {stretch.end_ns / NS:.3f} s"
 
 
 def _require_overlap(

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from vrbench.errors import EstimationError
 from vrbench.geometry import Bools, Floats, Ints, relative_angle
 from vrbench.trajectory import NS, Trajectory
+
+Spectrum = npt.NDArray[np.complex128]
 
 STEP_NS = 20_000_000
 BASELINE_NS = 200_000_000
@@ -38,8 +41,9 @@ class Signal:
     def between(self, start_ns: int, end_ns: int) -> Signal:
         """The part with start <= t <= end."""
         t = self.t
-        part = slice(np.searchsorted(t, start_ns), np.searchsorted(t, end_ns, side="right"))
-        return Signal(int(t[0]) + STEP_NS * part.start, self.value[part], self.mask[part])
+        first = int(np.searchsorted(t, start_ns))
+        part = slice(first, int(np.searchsorted(t, end_ns, side="right")))
+        return Signal(self.start_ns + STEP_NS * first, self.value[part], self.mask[part])
 
     def limited(self, largest: float) -> Signal:
         """The same, masked where it is above `largest` [rad/s]."""
@@ -104,7 +108,7 @@ def correlate(first: Signal, second: Signal, low_ns: float, high_ns: float) -> C
     b = [np.fft.rfft(x, size) for x in (m2, f2, f2 * f2)]
     index = lags[wanted] % size
 
-    def total(x: Floats, y: Floats) -> Floats:
+    def total(x: Spectrum, y: Spectrum) -> Floats:
         return np.fft.irfft(x * y, size)[index]
 
     common = np.maximum(np.rint(total(a[0], b[0])), 1.0)

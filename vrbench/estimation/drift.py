@@ -9,9 +9,8 @@ import numpy as np
 
 from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
-from vrbench.estimation.correlation import STEP_NS, Signal, correlate, refined_peak
-from vrbench.estimation.robust import bisquare
-from vrbench.geometry import Floats, Ints
+from vrbench.estimation.correlation import Signal, correlate, refined_peak
+from vrbench.geometry import Bools, Floats, Ints
 from vrbench.trajectory import NS
 
 LONG_TAKE_S = 600.0
@@ -20,6 +19,15 @@ WINDOW_S = 30.0
 # 100 ppm for two hours, to either side of the seed: more than any crystal, less than a loop.
 LOCAL_SEARCH_S = 0.8
 MINIMUM_LOCAL_CORRELATION = 0.8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A part of the estimate that keeps one clock: from `start_ns` to `end_ns` on that clock."""
+
+    start_ns: int
+    end_ns: int
+    signal: Signal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +45,7 @@ class Drift:
     residual_s: float | None
 
 
-def fit_drift(first: Signal, stretches: Sequence[Signal], seeds_ns: Sequence[float]) -> Drift:
+def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[float]) -> Drift:
     """The clock through stretches of `second` that each keep one clock.
 
     A stretch of less than ten minutes has the constant offset of its seed. A longer one has local
@@ -50,10 +58,10 @@ def fit_drift(first: Signal, stretches: Sequence[Signal], seeds_ns: Sequence[flo
     offsets: list[Floats] = []
     errors: list[Floats] = []
     skews: list[tuple[float, float]] = []
-    for part, seed_ns in zip(stretches, seeds_ns, strict=True):
-        t, local = local_offsets(first, part, seed_ns)
-        span_s = len(part.value) * STEP_NS / NS
-        ends = np.array([part.t[0], part.t[-1] + STEP_NS - 1], dtype=np.int64)
+    for stretch, seed_ns in zip(stretches, seeds_ns, strict=True):
+        t, local = local_offsets(first, stretch.signal, seed_ns)
+        span_s = (stretch.end_ns - stretch.start_ns) / NS
+        ends = np.array([stretch.start_ns, stretch.end_ns], dtype=np.int64)
         if span_s < LONG_TAKE_S:
             at, values = ends, np.full(2, seed_ns)
         else:
@@ -104,6 +112,8 @@ def _piecewise(t: Ints, local: Floats, ends: Ints) -> tuple[Ints, Floats]:
             f"{(ends[1] - ends[0]) / NS:.0f} s",
             fix="the drift of a long take needs motion throughout",
         )
+    believed = _without_outliers(local)
+    t, local = t[believed], local[believed]
     most = int((ends[1] - ends[0]) / NS // KNOT_SPACING_S)
     best: tuple[float, Ints, Floats] | None = None
     pieces = 1
@@ -118,17 +128,20 @@ def _piecewise(t: Ints, local: Floats, ends: Ints) -> tuple[Ints, Floats]:
     return best[1], best[2]
 
 
+def _without_outliers(local: Floats) -> Bools:
+    """Which offsets (k,) lie near the median of themselves and their four neighbours."""
+    padded = np.concatenate((local[2:0:-1], local, local[-2:-4:-1]))
+    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    error = np.abs(local - smooth)
+    return error <= 6.0 * 1.4826 * max(float(np.median(error)), 1e3)
+
+
 def _hat_fit(t: Ints, local: Floats, knots: Ints) -> tuple[Floats, float]:
-    """Values at the knots by robust least squares, and the weighted mean square error [ns^2]."""
+    """Values at the knots by least squares, and the mean square error [ns^2]."""
     s, s_knots = (t - knots[0]) / NS, (knots - knots[0]) / NS
     basis = np.stack([np.interp(s, s_knots, hat) for hat in np.eye(len(knots))], axis=1)
-    weights = np.ones(len(t))
     middle = float(np.median(local))
-    for _ in range(10):
-        root = np.sqrt(weights)[:, None]
-        solution, *_ = np.linalg.lstsq(root * basis, root[:, 0] * (local - middle), rcond=None)
-        error = np.abs(local - middle - basis @ solution)
-        weights = bisquare(error)
+    solution, *_ = np.linalg.lstsq(basis, local - middle, rcond=None)
+    error = local - middle - basis @ solution
     # nanoseconds squared, from 1 ns on: exact data have no logarithm
-    cost = float(weights @ error**2 / weights.sum()) + 1.0
-    return solution + middle, cost
+    return solution + middle, float(np.mean(error**2)) + 1.0

@@ -18,7 +18,7 @@ from vrbench.geometry import (
 )
 
 MINIMUM_SPREAD_DEG = 3.0
-_AXIS_NAMES = np.array(["x", "y", "z"])
+_AXIS_NAMES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class Excitation:
     def text(self) -> str:
         """`96 deg about z, 17 deg about x, ...`, each axis by its largest component."""
         return ", ".join(
-            f"{spread:.2g} deg about {_axis_name(axis)}"
+            f"{spread:.1f} deg about {_axis_name(axis)}"
             for spread, axis in zip(self.spread_deg, self.axes, strict=True)
         )
 
@@ -71,10 +71,13 @@ def check_excitation(q: Floats, *, minimum_deg: float = MINIMUM_SPREAD_DEG) -> E
 def _missing(found: Excitation, minimum_deg: float) -> str:
     if found.spread_deg[0] < minimum_deg:
         return f"the motion does not turn ({found.text}): the mounting can't be determined"
-    lacking = " and ".join(_axis_name(axis) for axis in found.axes[1:])
+    # the two directions across the axis are noise; only the axis itself has a name
+    axis = _axis_name(found.axes[0])
+    lacking = " and ".join(sorted({*_AXIS_NAMES} - {axis})) if axis in _AXIS_NAMES else "any other"
     return (
-        f"the motion turns about one axis only ({found.text}): rotation about {lacking} "
-        f"is missing, so the mounting along {_axis_name(found.axes[0])} can't be determined"
+        f"the motion turns about one axis only ({found.spread_deg[0]:.1f} deg about {axis}, "
+        f"{found.spread_deg[1]:.1f} deg across it): rotation about {lacking} is missing, so the "
+        f"mounting along {axis} can't be determined"
     )
 
 
@@ -86,6 +89,6 @@ def _axis_name(axis: Floats) -> str:
     """The moving frame's axis if it is within 20 deg of one, else the components."""
     largest = int(np.argmax(np.abs(axis)))
     if abs(axis[largest]) > np.cos(np.radians(20.0)):
-        return str(_AXIS_NAMES[largest])
+        return _AXIS_NAMES[largest]
     axis = axis * np.sign(axis[largest])
     return "(" + ", ".join(f"{c:.2f}" for c in axis) + ")"

@@ -15,16 +15,18 @@ from vrbench.geometry import (
     Floats,
     Transform,
     matrix_to_quat,
+    mean_rotation,
     quat_angle,
-    quat_multiply,
     quat_to_matrix,
     relative_angle,
 )
 
 MINIMUM_POSES = 20
-_SOFT_ROUNDS, _ROUNDS = 8, 20
-# Rotations that agree no better than this after the solve share no motion at all.
-UNRELATED_RAD = np.radians(15.0)
+_SOFT_ROUNDS, _ROUNDS, _REWEIGHTED = 8, 20, 10_000
+# Rotations left over by the best mounting, as a part of the motion's own: another motion's are
+# about as large as the motion.
+UNRELATED = 0.3
+FRAME_TURN_DEG = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +59,8 @@ def solve_handeye(T_base_tcp: Transform, T_world_eye: Transform) -> HandEye:
 
     Raises:
         EstimationError: fewer than 20 poses, values not finite, too little rotation
-            (`check_excitation`), a mirrored stream, orientations that are inverse or unrelated.
+            (`check_excitation`), a mirrored stream, positions and orientations of different
+            frames, orientations that are inverse or unrelated.
     """
     if len(T_base_tcp) != len(T_world_eye):
         raise ValueError(f"{len(T_base_tcp)} poses of the tcp for {len(T_world_eye)} of the eye")
@@ -72,7 +75,7 @@ def solve_handeye(T_base_tcp: Transform, T_world_eye: Transform) -> HandEye:
     rx, ry, w_rotation = _solve_rotations(A, E)
     _refuse_unrelated(A, E, rx, ry, w_rotation)
     px, py, w_translation = _solve_translations(A, T_base_tcp.p, T_world_eye.p @ ry.T, w_rotation)
-    _refuse_mirrored(A, T_base_tcp.p, T_world_eye.p, (px, py, ry), w_translation)
+    _refuse_other_frames(A, T_base_tcp.p, T_world_eye.p, px, py, ry)
     x, y = Transform(px, matrix_to_quat(rx)), Transform(py, matrix_to_quat(ry))
     inliers = (w_rotation > 0.0) & (w_translation > 0.0)
     translation, rotation = residuals(T_base_tcp[inliers], T_world_eye[inliers], x, y)
@@ -99,12 +102,12 @@ def solve_world(T_base_tcp: Transform, T_world_eye: Transform, x: Transform) -> 
     require_finite(T_base_tcp, "T_base_tcp")
     require_finite(T_world_eye, "T_world_eye")
     target = T_base_tcp @ x
-    E = quat_to_matrix(T_world_eye.q)
-    B = quat_to_matrix(target.q)
-    weights = np.ones(len(E))
+    few = slice(None, None, _stride(len(target)))
+    wanted, found = quat_to_matrix(target.q[few]), quat_to_matrix(T_world_eye.q[few])
+    weights = np.ones(len(wanted))
     for k in range(_ROUNDS):
-        ry = _project(np.einsum("n,nij,nkj->ik", weights, B, E))
-        angle = relative_angle(target.q, quat_multiply(matrix_to_quat(ry), T_world_eye.q))
+        ry = _project(np.tensordot(wanted * weights[:, None, None], found, axes=((0, 2), (0, 2))))
+        angle = _angles(wanted, ry @ found)
         weights = soft_l1(angle) if k < _SOFT_ROUNDS else bisquare(angle)
     offset = target.p - T_world_eye.p @ ry.T
     py = np.median(offset, axis=0)
@@ -137,33 +140,48 @@ def paper_residual(
 
 def _solve_rotations(A: Floats, E: Floats) -> tuple[Floats, Floats, Floats]:
     """R_x, R_y (3, 3) with A_i R_x = R_y E_i, and the weights (n,) of the pairs."""
-    n = len(A)
-    flat_a, flat_e = A.reshape(n, 9), E.reshape(n, 9)
-    weights = np.ones(n)
+    few_a, few_e = A[:: _stride(len(A))], E[:: _stride(len(A))]
+    weights = np.ones(len(few_a))
     for k in range(_ROUNDS):
-        # sum of w A_ij E_kl, ordered so that it maps vec(R_x), index (j, l), to vec(R_y), (i, k)
-        products = (flat_a * weights[:, None]).T @ flat_e
-        kron = products.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
-        u, _, vt = np.linalg.svd(kron)
-        rx, ry = _project(vt[0].reshape(3, 3)), _project(u[:, 0].reshape(3, 3))
-        error = _angles(A @ rx, ry @ E)
+        rx, ry = _shah(few_a, few_e, weights)
+        error = _angles(few_a @ rx, ry @ few_e)
         weights = soft_l1(error) if k < _SOFT_ROUNDS else bisquare(error)
-    return rx, ry, weights
+    weights = bisquare(_angles(A @ rx, ry @ E))
+    rx, ry = _shah(A, E, weights)
+    return rx, ry, bisquare(_angles(A @ rx, ry @ E))
+
+
+def _shah(A: Floats, E: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Shah's solution for rotations (n, 3, 3)."""
+    n = len(A)
+    # sum of w A_ij E_kl, ordered so that it maps vec(R_x), index (j, l), to vec(R_y), (i, k)
+    products = (A.reshape(n, 9) * weights[:, None]).T @ E.reshape(n, 9)
+    kron = products.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
+    u, _, vt = np.linalg.svd(kron)
+    return _project(vt[0].reshape(3, 3)), _project(u[:, 0].reshape(3, 3))
 
 
 def _solve_translations(
-    A: Floats, p_tcp: Floats, p_eye: Floats, weights: Floats
+    A: Floats, p_tcp: Floats, p_eye: Floats, from_rotation: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """p_x, p_y with A_i p_x + p_tcp = p_eye + p_y (p_eye turned into base), and weights (n,)."""
-    from_rotation = weights
     design = np.concatenate((A, np.broadcast_to(-np.eye(3), A.shape)), axis=2)
     right = p_eye - p_tcp
+    few = slice(None, None, _stride(len(A)))
+    weights = from_rotation[few]
     for k in range(_ROUNDS):
-        solution = _weighted_lstsq(design, right, weights)
-        error = np.linalg.norm(design @ solution - right, axis=1)
+        solution = _weighted_lstsq(design[few], right[few], weights)
+        error = np.linalg.norm(design[few] @ solution - right[few], axis=1)
         weights = soft_l1(error) if k < _SOFT_ROUNDS else bisquare(error)
-        weights = weights * (from_rotation > 0.0)
+        weights = weights * (from_rotation[few] > 0.0)
+    weights = bisquare(np.linalg.norm(design @ solution - right, axis=1)) * (from_rotation > 0.0)
+    solution = _weighted_lstsq(design, right, weights)
     return solution[:3], solution[3:], weights
+
+
+def _stride(n: int) -> int:
+    """Reweighting goes by every `_stride`-th pose, the last solve by all."""
+    return max(n // _REWEIGHTED, 1)
 
 
 def _weighted_lstsq(design: Floats, right: Floats, weights: Floats) -> Floats:
@@ -179,7 +197,8 @@ def _weighted_lstsq(design: Floats, right: Floats, weights: Floats) -> Floats:
 def _refuse_unrelated(A: Floats, E: Floats, rx: Floats, ry: Floats, weights: Floats) -> None:
     """Raises EstimationError where no X and Y bring the rotations together."""
     error = float(np.median(_angles(A @ rx, ry @ E)))
-    if error < UNRELATED_RAD:
+    motion = quat_to_matrix(mean_rotation(matrix_to_quat(A)))
+    if error < UNRELATED * float(np.median(_angles(A, np.broadcast_to(motion, A.shape)))):
         return
     inverse_x, inverse_y, _ = _solve_rotations(A, np.swapaxes(E, 1, 2))
     inverse = float(np.median(_angles(A @ inverse_x, inverse_y @ np.swapaxes(E, 1, 2))))
@@ -196,37 +215,43 @@ def _refuse_unrelated(A: Floats, E: Floats, rx: Floats, ry: Floats, weights: Flo
     )
 
 
-def _refuse_mirrored(
-    A: Floats,
-    p_tcp: Floats,
-    p_eye: Floats,
-    solution: tuple[Floats, Floats, Floats],
-    weights: Floats,
+def _refuse_other_frames(
+    A: Floats, p_tcp: Floats, p_eye: Floats, px: Floats, py: Floats, ry: Floats
 ) -> None:
-    """Raises EstimationError where the eye's positions fit only through a mirror.
+    """Raises EstimationError where the eye's positions and rotations are not of one frame.
 
     A frame mirrored as a whole leaves rotations consistent, so the test is whether a free linear
-    map of the positions fits far better than the rotation, and mirrors.
+    map of the positions fits far better than the rotation does, and whether it mirrors.
     """
-    px, py, ry = solution
+    few = slice(None, None, _stride(len(A)))
+    A, p_tcp, p_eye = A[few], p_tcp[few], p_eye[few]
     rigid = np.median(np.linalg.norm(A @ px + p_tcp - p_eye @ ry.T - py, axis=1))
-    n = len(A)
-    centred = p_eye - p_eye.mean(axis=0)
-    mapped = np.zeros((n, 3, 15))
+    mapped = np.zeros((len(A), 3, 15))
     mapped[:, :, :3] = A
     mapped[:, :, 3:6] = -np.eye(3)
     for i in range(3):
-        mapped[:, i, 6 + 3 * i : 9 + 3 * i] = -centred
-    for k in range(_ROUNDS):
-        weights = np.ones(n) if k == 0 else soft_l1(error)
+        mapped[:, i, 6 + 3 * i : 9 + 3 * i] = p_eye.mean(axis=0) - p_eye
+    weights = np.ones(len(A))
+    for _ in range(_ROUNDS):
         free = _weighted_lstsq(mapped, -p_tcp, weights)
         error = np.linalg.norm(mapped @ free + p_tcp, axis=1)
-    stretch = np.linalg.svd(free[6:].reshape(3, 3), compute_uv=False)
-    mirrors = np.linalg.det(free[6:].reshape(3, 3)) < 0.0
-    if mirrors and stretch[2] > 0.5 and stretch[0] < 2.0 and np.median(error) < 0.2 * rigid:
+        weights = soft_l1(error)
+    linear = free[6:].reshape(3, 3)
+    stretch = np.linalg.svd(linear, compute_uv=False)
+    if stretch[2] < 0.5 or stretch[0] > 2.0 or np.median(error) > 0.2 * rigid:
+        return
+    if np.linalg.det(linear) < 0.0:
         raise EstimationError(
             "the eye's poses are mirrored: they fit only in a left-handed frame",
             fix="convert the headset's poses to a right-handed frame at their import",
+        )
+    turned = float(_angles(_project(linear)[None], ry[None])[0])
+    if turned > np.radians(FRAME_TURN_DEG):
+        raise EstimationError(
+            "the eye's positions and orientations are in different frames, "
+            f"{np.degrees(turned):.0f} deg apart: the orientations alone are mirrored, turned or "
+            "inverse",
+            fix="convert both the same way at their import",
         )
 
 

@@ -54,7 +54,7 @@ class State:
     scale: float
 
     def moved(self, names: tuple[str, ...], step: Floats) -> State:
-        """This state and a step (k,) in the parameters `names`, on the manifold."""
+        """The state after a step (k,) in the parameters `names`, on the manifold."""
         d = dict(zip(names, step.tolist(), strict=True))
         new = replace(
             self,
@@ -188,7 +188,7 @@ def _cross_matrices(v: Floats) -> Floats:
 
 
 def _inverse_left_jacobian(r: Floats) -> Floats:
-    """D log(exp(e) exp(r)) / de (m, 3, 3), to second order in r [rad]: residuals are small."""
+    """Matrices d log(exp(e) exp(r)) / de (m, 3, 3), to second order in r (m, 3) [rad]."""
     cross = _cross_matrices(r)
     inverse: Floats = np.eye(3) - 0.5 * cross + cross @ cross / 12.0
     return inverse

@@ -26,8 +26,3 @@ def bisquare(lengths: Floats, cut: float = 7.0) -> Floats:
     """Tukey's weights (n,): zero beyond `cut` standard deviations."""
     u = lengths / (cut * scale_of(lengths))
     return np.where(u < 1.0, (1.0 - u**2) ** 2, 0.0)
-
-
-def cauchy(lengths: Floats, scale: float, cut: float) -> Floats:
-    """Cauchy's weights (n,): a half at `cut` standard deviations `scale`, never zero."""
-    return 1.0 / (1.0 + (lengths / (cut * scale)) ** 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vrbench.estimation.checks import require_poses
-from vrbench.geometry import Bools, Transform, mean_rotation, relative_angle
+from vrbench.geometry import Bools, Ints, Transform, mean_rotation, relative_angle
 from vrbench.trajectory import NS, Trajectory
 
 REST_RADIUS_M = 1e-3
@@ -34,7 +34,7 @@ def active_window(reference: Trajectory) -> tuple[int, int]:
     return start, end
 
 
-def _leaves_rest(t: np.ndarray, pose: Transform) -> int:
+def _leaves_rest(t: Ints, pose: Transform) -> int:
     """The last time [ns] before `pose`, at rest from the first sample on, leaves its place."""
     away = _away(pose, t - t[0] <= RESTING_POSE_S * NS)
     if not away.any():

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import pluggy
+from pluggy import HookImpl
 from pydantic import BaseModel
 
 from vrbench import __version__
@@ -46,7 +47,8 @@ class PluginInfo:
         name: of its entry point.
         version: of its distribution.
         distribution: the name to install it by.
-        broken: why it couldn't be loaded; None for a sound one.
+        broken: why it couldn't be loaded, or which of its hooks gave nothing and why; None for a
+            sound one.
     """
 
     name: str
@@ -58,19 +60,29 @@ class PluginInfo:
 class Plugins:
     """All that plugins offer, by name.
 
-    Attributes:
-        infos: every plugin found, sound or broken, the built-in one first.
+    Plugins are imported at once; a hook is called when what it returns is first asked for. A hook
+    that fails offers nothing, and its plugin's other hooks still count.
     """
 
     def __init__(self) -> None:
         self._manager = pluggy.PluginManager(GROUP)
         self._manager.add_hookspecs(hookspecs)
         self._manager.register(builtin, BUILTIN)
-        self.infos = [PluginInfo(BUILTIN, __version__, "vrbench")]
+        self._infos = [PluginInfo(BUILTIN, __version__, "vrbench")]
+        # where in _infos each loaded plugin stands: two may bear one name, but one is loaded
+        self._loaded = {BUILTIN: 0}
         wanted = os.environ.get(NARROW)
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
             if wanted is None or entry.name in wanted.split(","):
-                self.infos.append(self._load(entry))
+                self._infos.append(self._load(entry))
+
+    @property
+    def infos(self) -> Sequence[PluginInfo]:
+        """Every plugin found, sound or broken, the built-in one first. Calls every hook."""
+        for hook in vars(hookspecs):
+            if hook.startswith("vrbench_"):
+                getattr(self, hook.removeprefix("vrbench_"))
+        return tuple(self._infos)
 
     def _load(self, entry: EntryPoint) -> PluginInfo:
         """Registers one plugin; whatever it raises is its reason, and nobody else's trouble."""
@@ -88,57 +100,113 @@ class Plugins:
             elif self._manager.has_plugin(entry.name):
                 broken = f"another plugin is called {entry.name!r} too: remove one of them"
             else:
-                self._manager.register(module, entry.name)
-        except (KeyboardInterrupt, SystemExit) as error:
-            broken = f"raises {type(error).__name__} when imported"
+                self._register(module, entry.name)
+                self._loaded[entry.name] = len(self._infos)
+        except SystemExit:
+            broken = "raises SystemExit when imported"
+        except pluggy.PluginValidationError as error:
+            broken = " ".join(str(error).split())
         except Exception as error:  # a plugin may raise anything
             broken = f"{type(error).__name__}: {error} (pip install --force-reinstall {name})"
         return PluginInfo(entry.name, version, name, broken)
 
-    def _named(self, hook: str) -> dict[str, Any]:
+    def _register(self, module: Any, name: str) -> None:
+        """Registers a plugin whole or, where a hook is not as hookspecs.py has it, not at all."""
+        try:
+            self._manager.register(module, name)
+            self._manager.check_pending()
+        except pluggy.PluginValidationError:
+            self._manager.unregister(name=name)
+            raise
+
+    def _named(self, hook: str, kind: type[Spec]) -> dict[str, Spec]:
         """What one hook of all plugins returns, by name; the first plugin to take a name has it."""
-        found: dict[str, Any] = {}
-        for plugin_name, plugin in self._manager.list_name_plugin():
-            function = getattr(plugin, hook, None)
-            if function is None:
-                continue
-            for thing in function():
-                key = thing.stem if isinstance(thing, Path) else thing.name
-                if key in found:
-                    raise ConfigError(
-                        f"{hook}: two plugins offer {key!r}, the second is {plugin_name}",
-                        fix="uninstall one of them",
-                    )
-                found[key] = thing
+        found: dict[str, Spec] = {}
+        for impl in getattr(self._manager.hook, hook).get_hookimpls():
+            try:
+                found |= _offered(impl, kind, found)
+            except (Exception, SystemExit) as error:  # a plugin may raise anything
+                if impl.plugin is builtin:
+                    raise
+                self._blame(impl.plugin_name, f"{hook} {_told(error)}")
         return found
+
+    def _blame(self, name: str, reason: str) -> None:
+        index = self._loaded[name]
+        info = self._infos[index]
+        reasons = f"{info.broken}; {reason}" if info.broken else reason
+        self._infos[index] = replace(info, broken=reasons)
 
     @cached_property
     def headsets(self) -> Mapping[str, HeadsetSpec]:
-        return self._named("vrbench_headsets")
+        from vrbench.devices.ports import HeadsetSpec
+
+        return self._named("vrbench_headsets", HeadsetSpec)
 
     @cached_property
     def mocap(self) -> Mapping[str, MocapSpec]:
-        return self._named("vrbench_mocap")
+        from vrbench.devices.ports import MocapSpec
+
+        return self._named("vrbench_mocap", MocapSpec)
 
     @cached_property
     def robots(self) -> Mapping[str, RobotSpec]:
-        return self._named("vrbench_robots")
+        from vrbench.devices.ports import RobotSpec
+
+        return self._named("vrbench_robots", RobotSpec)
 
     @cached_property
     def importers(self) -> Mapping[str, Importer]:
-        return self._named("vrbench_importers")
+        from vrbench.recording.importer import Importer
+
+        return self._named("vrbench_importers", Importer)
 
     @cached_property
     def metrics(self) -> Mapping[str, Family]:
-        return self._named("vrbench_metrics")
+        from vrbench.metrics.registry import Family
+
+        return self._named("vrbench_metrics", Family)
 
     @cached_property
     def suites(self) -> Mapping[str, Path]:
-        return self._named("vrbench_suites")
+        return self._named("vrbench_suites", Path)
 
     def versions(self) -> dict[str, str]:
-        """Versions of the sound plugins' distributions."""
-        return {info.distribution: info.version for info in self.infos if not info.broken}
+        """Versions of the loaded plugins' distributions."""
+        infos = (self._infos[index] for index in self._loaded.values())
+        return {info.distribution: info.version for info in infos}
+
+
+class _UnfitError(Exception):
+    """What a hook returned can't be used."""
+
+
+def _offered(impl: HookImpl, kind: type[Spec], taken: Mapping[str, Spec]) -> dict[str, Spec]:
+    """What one plugin's hook returns, by name: all of it, or an error."""
+    returned: object = impl.function()
+    if isinstance(returned, str) or not isinstance(returned, Iterable):
+        raise _UnfitError(f"returns {_kind(returned)}: it must return a list of {kind.__name__}")
+    offered: dict[str, Spec] = {}
+    for thing in returned:
+        if not isinstance(thing, kind):
+            raise _UnfitError(f"offers {_kind(thing)}: it must return a list of {kind.__name__}")
+        key = thing.stem if isinstance(thing, Path) else thing.name
+        if key in taken or key in offered:
+            raise _UnfitError(
+                f"offers {key!r}, and that name is taken: rename it, or uninstall one"
+            )
+        offered[key] = thing
+    return offered
+
+
+def _kind(thing: object) -> str:
+    return "None" if thing is None else f"a {type(thing).__name__}"
+
+
+def _told(error: BaseException) -> str:
+    return (
+        str(error) if isinstance(error, _UnfitError) else f"raises {type(error).__name__}: {error}"
+    )
 
 
 def pick(things: Mapping[str, Spec], name: str, what: str, *, field: str, file: str | None) -> Spec:

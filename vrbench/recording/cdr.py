@@ -15,6 +15,7 @@ import numpy as np
 
 from vrbench.clocks import Exchanges
 from vrbench.geometry import Ints, Transform
+from vrbench.recording.messages import Messages
 from vrbench.streams import Event, Joints, Samples, States
 from vrbench.trajectory import NS
 
@@ -145,13 +146,14 @@ def encode_poses(t: Ints, pose: Transform, frame_id: str) -> list[bytes]:
     return _rows(rows.tobytes(), layout)
 
 
-def decode_poses(messages: Sequence[bytes], receive_t: Ints) -> Samples:
+def decode_poses(messages: Messages) -> Samples:
     """Samples of PoseStamped messages; all have one frame_id."""
-    (length,) = struct.unpack_from("<I", messages[0], 12)
+    (length,) = struct.unpack_from("<I", messages.first, 12)
     frame = _padded(b"\0" * (4 + length), 8, 8)
-    rows = np.frombuffer(b"".join(messages), dtype=_pose_layout(frame))
+    rows = messages.rows(_pose_layout(frame))
     t = rows["sec"].astype(np.int64) * NS + rows["nanosec"]
-    return Samples.of(t, Transform(rows["p"].copy(), rows["q"].copy()), receive_t=receive_t)
+    pose = Transform(rows["p"].copy(), rows["q"].copy())
+    return Samples.of(t, pose, receive_t=messages.log_t)
 
 
 def encode_samples(samples: Samples) -> list[bytes]:
@@ -165,9 +167,9 @@ def encode_samples(samples: Samples) -> list[bytes]:
     return _rows(rows.tobytes(), _SAMPLE_LAYOUT)
 
 
-def decode_samples(messages: Sequence[bytes]) -> Samples:
+def decode_samples(messages: Messages) -> Samples:
     """The samples of `vrbench_msgs/msg/Sample` messages."""
-    rows = np.frombuffer(b"".join(messages), dtype=_SAMPLE_LAYOUT)
+    rows = messages.rows(_SAMPLE_LAYOUT)
     return Samples(
         source_t=rows["source"].copy(),
         pose_t=rows["pose_t"].copy(),
@@ -214,27 +216,25 @@ def encode_joints(joints: Joints) -> list[bytes]:
     return _rows(rows.tobytes(), layout)
 
 
-def decode_joints(messages: Sequence[bytes], receive_t: Ints) -> Joints:
+def decode_joints(messages: Messages) -> Joints:
     """Joints of JointState messages; all have the same names."""
-    at = 12
+    first, at = messages.first, 12
 
     def text() -> str:
         nonlocal at
         at += -(at - 4) % 4
-        (length,) = struct.unpack_from("<I", messages[0], at)
+        (length,) = struct.unpack_from("<I", first, at)
         at += 4 + length
-        return messages[0][at - length : at - 1].decode()
+        return first[at - length : at - 1].decode()
 
     frame_id = text()
     at += -(at - 4) % 4
-    (count,) = struct.unpack_from("<I", messages[0], at)
+    (count,) = struct.unpack_from("<I", first, at)
     at += 4
     names = tuple(text() for _ in range(count))
-    rows = np.frombuffer(
-        b"".join(messages), dtype=_joint_layout(_joint_names(names, frame_id), count)
-    )
+    rows = messages.rows(_joint_layout(_joint_names(names, frame_id), count))
     t = rows["sec"].astype(np.int64) * NS + rows["nanosec"]
-    return Joints(t, receive_t, rows["position"].copy(), rows["velocity"].copy(), names)
+    return Joints(t, messages.log_t, rows["position"].copy(), rows["velocity"].copy(), names)
 
 
 def encode_exchanges(exchanges: Exchanges) -> list[bytes]:
@@ -252,9 +252,9 @@ def encode_exchanges(exchanges: Exchanges) -> list[bytes]:
     return _rows(rows.tobytes(), _EXCHANGE_LAYOUT)
 
 
-def decode_exchanges(messages: Sequence[bytes]) -> Exchanges:
+def decode_exchanges(messages: Messages) -> Exchanges:
     """The exchanges of `vrbench_msgs/msg/ClockExchange` messages."""
-    stamps = np.frombuffer(b"".join(messages), dtype=_EXCHANGE_LAYOUT)["stamps"]
+    stamps = messages.rows(_EXCHANGE_LAYOUT)["stamps"]
     return Exchanges(*(stamps[:, i].copy() for i in range(4)))
 
 
@@ -268,9 +268,9 @@ def encode_states(states: States) -> list[bytes]:
     return _rows(rows.tobytes(), _STATE_LAYOUT)
 
 
-def decode_states(messages: Sequence[bytes]) -> States:
+def decode_states(messages: Messages) -> States:
     """The states of `vrbench_msgs/msg/RobotState` messages."""
-    rows = np.frombuffer(b"".join(messages), dtype=_STATE_LAYOUT)
+    rows = messages.rows(_STATE_LAYOUT)
     return States(
         t=rows["t"].copy(),
         receive_t=rows["receive"].copy(),

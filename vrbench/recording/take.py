@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, BinaryIO, Self
 
-import numpy as np
-
 from vrbench import __version__
 from vrbench.clocks import Exchanges
 from vrbench.errors import DataError
 from vrbench.recording import cdr
+from vrbench.recording.messages import read_messages
 from vrbench.streams import Columns, Event, Joints, Samples, States
 
 if TYPE_CHECKING:
@@ -152,56 +150,28 @@ def read_take(path: Path) -> Columns:
     Raises:
         DataError: no such file, not MCAP, or cut short.
     """
-    messages, metadata = _read_messages(path)
+    messages, metadata = read_messages(path, METADATA)
     poses: dict[str, Samples] = {}
     joints: dict[str, Joints] = {}
     events: list[Event] = []
     clocks: dict[str, Exchanges] = {}
     states: dict[str, States] = {}
-    for (topic, schema), rows in messages.items():
-        times = np.array([t for t, _ in rows], dtype=np.int64)
-        data = [raw for _, raw in rows]
-        stream = topic.removeprefix("/")
-        if schema == cdr.SAMPLE:
-            poses[stream.removesuffix("/samples")] = cdr.decode_samples(data)
-        elif schema == cdr.POSE_STAMPED:
+    sampled = {m.topic.removesuffix("/samples") for m in messages if m.schema == cdr.SAMPLE}
+    for topic in messages:
+        stream = topic.topic.removeprefix("/")
+        if topic.schema == cdr.SAMPLE:
+            poses[stream.removesuffix("/samples")] = cdr.decode_samples(topic)
+        elif topic.schema == cdr.POSE_STAMPED:
             # where samples are there too, they say more
-            if (f"{topic.removesuffix('/pose')}/samples", cdr.SAMPLE) not in messages:
-                poses[stream.removesuffix("/pose")] = cdr.decode_poses(data, times)
-        elif schema == cdr.JOINT_STATE:
-            joints[stream] = cdr.decode_joints(data, times)
-        elif schema == cdr.CLOCK_EXCHANGE:
-            clocks[stream.removeprefix("clock/")] = cdr.decode_exchanges(data)
-        elif schema == cdr.ROBOT_STATE:
-            states[stream] = cdr.decode_states(data)
-        elif schema == cdr.EVENT:
-            events += map(cdr.decode_event, data)
+            if topic.topic.removesuffix("/pose") not in sampled:
+                poses[stream.removesuffix("/pose")] = cdr.decode_poses(topic)
+        elif topic.schema == cdr.JOINT_STATE:
+            joints[stream] = cdr.decode_joints(topic)
+        elif topic.schema == cdr.CLOCK_EXCHANGE:
+            clocks[stream.removeprefix("clock/")] = cdr.decode_exchanges(topic)
+        elif topic.schema == cdr.ROBOT_STATE:
+            states[stream] = cdr.decode_states(topic)
+        elif topic.schema == cdr.EVENT:
+            events += map(cdr.decode_event, topic)
     events.sort(key=lambda event: event.t)
     return Columns(poses, joints, events, clocks, metadata, states)
-
-
-def _read_messages(
-    path: Path,
-) -> tuple[dict[tuple[str, str], list[tuple[int, bytes]]], dict[str, str]]:
-    """(log time, bytes) of all messages by topic and schema, and the metadata."""
-    from mcap.exceptions import McapError
-    from mcap.reader import make_reader
-
-    messages: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
-    metadata: dict[str, str] = {}
-    try:
-        with path.open("rb") as file:
-            reader = make_reader(file)
-            for record in reader.iter_metadata():
-                if record.name == METADATA:
-                    metadata |= record.metadata
-            for schema, channel, message in reader.iter_messages(log_time_order=False):
-                name = schema.name if schema else ""
-                messages[channel.topic, name].append((message.log_time, message.data))
-    except FileNotFoundError:
-        raise DataError("no such take", file=path) from None
-    except (McapError, OSError, EOFError) as error:
-        raise DataError(
-            "is not a whole MCAP file", file=path, fix=f"record or import it again; {error}"
-        ) from error
-    return messages, metadata

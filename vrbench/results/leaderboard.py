@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vrbench.config.suite import Suite
 from vrbench.errors import ConfigError
@@ -33,6 +33,9 @@ class Entry:
     Attributes:
         rank: from 1; None for an entry that is listed but not ranked.
         value: the ranking number; None where there is none.
+        low: lower end of its interval,
+        high: and its upper end.
+        floor: the largest noise floor among the takes, in the same unit; None where it isn't known.
         takes: takes the number rests on.
         mounts: mounts among them.
         coverage: least share of valid poses among the takes [%]; None where not measured.
@@ -47,6 +50,9 @@ class Entry:
     logger: str
     lab: str
     value: float | None
+    low: float | None
+    high: float | None
+    floor: float | None
     unit: str
     takes: int
     mounts: int
@@ -132,12 +138,15 @@ def _entry(
     chosen = next((row for row in ranking if row.repeat == which), None)
     # A take that failed or is invalid has no number: nothing is pooled, and it is told why.
     troubled = [row for row in mine if row.status in ("failed", "invalid")]
-    status, reason, value, unit = "failed", "the metric was not computed", None, ""
+    status, reason = "failed", "the metric was not computed"
     if troubled:
         worst = min(troubled, key=lambda row: STATUSES.index(row.status))
-        status, reason = worst.status, worst.reason
+        status, reason, chosen = worst.status, worst.reason, None
     elif chosen is not None:
-        status, reason, value, unit = chosen.status, chosen.reason, chosen.value, chosen.unit
+        status, reason = chosen.status, chosen.reason
+    if status == "ok" and chosen is not None and chosen.ci_scope == "take":
+        status = "take scope"
+        reason = "its interval speaks for these takes only: two mounts of three repeats are needed"
     covered = [row.value for row in mine if row.metric == "coverage.valid" and row.repeat != "all"]
     coverage = min((c for c in covered if c is not None), default=None)
     floor = suite.rank.min_coverage * 100
@@ -151,8 +160,11 @@ def _entry(
         firmware=device.firmware,
         logger=device.logger,
         lab=bundle.record.lab,
-        value=value,
-        unit=unit,
+        value=chosen.value if chosen else None,
+        low=chosen.ci_low if chosen else None,
+        high=chosen.ci_high if chosen else None,
+        floor=_floor(mine, suite.rank.point),
+        unit=chosen.unit if chosen else "",
         takes=len(takes),
         mounts=len({take.mount for take in takes}),
         coverage=coverage,
@@ -162,9 +174,15 @@ def _entry(
     )
 
 
+def _floor(rows: Sequence[Row], point: str) -> float | None:
+    """The largest total noise floor among the takes; None where one of them has none."""
+    floors = [row.value for row in rows if row.metric == "floor.total" and row.point == point]
+    known = [value for value in floors if value is not None]
+    return max(known) if known and len(known) == len(floors) else None
+
+
 def _ranked(entries: Sequence[Entry]) -> list[Entry]:
     """Ranks by value those that may be ranked; lists the others behind them, by value too."""
-    from dataclasses import replace
 
     def by_value(entry: Entry) -> tuple[bool, float, str]:
         return entry.value is None, entry.value or 0.0, entry.run

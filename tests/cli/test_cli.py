@@ -1,0 +1,159 @@
+"""The command line: exit codes, one clear error, no traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import SHORT
+
+
+def vrbench(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "vrbench", *map(str, words)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "COLUMNS": "200", **environment},
+    )
+
+
+def refused(done: subprocess.CompletedProcess[str], code: int, told: str) -> None:
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    assert told in " ".join(done.stderr.split()), done.stderr
+
+
+def test_help_teaches_every_verb(tmp_path: Path) -> None:
+    done = vrbench("--help", cwd=tmp_path)
+    assert done.returncode == 0
+    for verb in ("run", "record", "import", "evaluate", "leaderboard", "plugin", "suite", "data"):
+        assert f"\n  {verb} " in done.stdout
+        own = vrbench(verb, "--help", cwd=tmp_path)
+        assert own.returncode == 0
+        assert "Usage:" in own.stdout
+
+
+def test_a_suite_is_run_scored_and_ranked(tmp_path: Path, short_suite_path: Path) -> None:
+    done = vrbench("run", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Metrics" in done.stdout
+    assert "run: mine" in done.stdout
+    assert (tmp_path / "mine" / "metrics" / "vrbench-1.csv").is_file()
+    board = vrbench("leaderboard", "mine", cwd=tmp_path)
+    assert board.returncode == 0
+    assert "short@1" in board.stdout
+    again = vrbench("run", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
+    refused(again, 2, "mine: -o: is there already")
+
+
+def test_record_and_evaluate_are_run_in_two_steps(tmp_path: Path, short_suite_path: Path) -> None:
+    done = vrbench("record", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "mine" / "metrics").exists()
+    refused(vrbench("leaderboard", "mine", cwd=tmp_path), 1, "vrbench evaluate RUN")
+    assert vrbench("evaluate", "mine", cwd=tmp_path).returncode == 0
+
+
+def test_a_run_without_calibration_is_scored_as_invalid(tmp_path: Path, run: Path) -> None:
+    import json
+
+    record = json.loads((run / "run.json").read_text())
+    record["takes"] = [take for take in record["takes"] if take["role"] == "scored"]
+    (run / "run.json").write_text(json.dumps(record))
+    refused(
+        vrbench("evaluate", run, cwd=tmp_path),
+        1,
+        "invalid: replay mount 1 repeat 1: no calibration in this mount",
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["run", "gameplay"], "Missing option '--rig'"),
+        (["run", "gameplay", "--rig", "sim"], "no suites file or name is 'gameplay'"),
+        (["run", "gameplay-replay@7", "--rig", "sim"], "it is gameplay-replay@1"),
+        (["run", "gameplay-replay", "--rig", "lab.yaml"], "lab.yaml: no such rig file"),
+        (["run", "gameplay-replay", "--rig", "sim:quest-9"], "no headset is called 'quest-9'"),
+        (["import", "gone"], "no recordings file or name is 'gone'"),
+        (["import", "gone.yaml"], "gone.yaml: no such file"),
+        (["evaluate", "gone"], "gone: is not a run"),
+        (["leaderboard", "gone"], "gone: is not a run"),
+        (["suite", "check", "odd.yaml"], "odd.yaml:14:1: colour: there is no such field"),
+        (["dance"], "No such command 'dance'"),
+    ],
+)
+def test_what_the_user_got_wrong_is_told_once(tmp_path: Path, words: list[str], told: str) -> None:
+    (tmp_path / "odd.yaml").write_text(SHORT + "\n\ncolour: red\n")
+    done = vrbench(*words, cwd=tmp_path)
+    refused(done, 2, told)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_rig_of_real_devices_is_refused_until_they_are_here(tmp_path: Path) -> None:
+    (tmp_path / "lab.yaml").write_text(
+        "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: ur5e}\n"
+    )
+    done = vrbench("run", "calibration", "--rig", "lab.yaml", cwd=tmp_path)
+    refused(done, 2, "lab.yaml: this vrbench runs simulated rigs only")
+
+
+@pytest.mark.parametrize("option", ["rate_hz: 5", "ratehz: 100"])
+def test_options_of_devices_are_checked(tmp_path: Path, option: str) -> None:
+    (tmp_path / "lab.yaml").write_text(
+        "lab: mine\nheadset: {plugin: sim, device: sim}\n"
+        f"robot: {{plugin: sim, options: {{{option}}}}}\n"
+    )
+    refused(
+        vrbench("run", "calibration", "--rig", "lab.yaml", cwd=tmp_path),
+        2,
+        "lab.yaml: robot.options: " + option.split(":")[0],
+    )
+
+
+def test_data_list_says_what_is_missing_and_how_to_get_it(tmp_path: Path) -> None:
+    done = vrbench("data", "list", cwd=tmp_path, VRBENCH_DATA="")
+    assert done.returncode == 0
+    assert "set VRBENCH_DATA to the folder that holds banaszczyk2024/" in done.stdout
+    assert "lacks" in done.stdout
+
+
+def test_data_list_finds_an_altered_file(tmp_path: Path) -> None:
+    file = tmp_path / "banaszczyk2024/data/experiments/quest2/center_eye_data/calib.txt"
+    file.parent.mkdir(parents=True)
+    file.write_text("not this")
+    done = vrbench("data", "list", cwd=tmp_path, VRBENCH_DATA=str(tmp_path))
+    assert done.returncode == 1
+    assert "altered" in done.stdout
+
+
+def test_lists_show_what_there_is(tmp_path: Path) -> None:
+    plugins = vrbench("plugin", "list", cwd=tmp_path)
+    assert plugins.returncode == 0
+    for name in ("builtin", "rosbag1", "tum", "ape", "gameplay-replay"):
+        assert name in plugins.stdout
+    suites = vrbench("suite", "list", cwd=tmp_path)
+    assert "gameplay-replay@1" in suites.stdout
+    shown = vrbench("suite", "show", "calibration", cwd=tmp_path)
+    assert "take: calibrate.default.m1.r2" in shown.stdout
+
+
+def test_a_closed_pipe_is_no_error(tmp_path: Path) -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m vrbench plugin list | head -n 1",
+        shell=True,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+    assert "Exception" not in done.stderr

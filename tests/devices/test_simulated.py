@@ -1,0 +1,161 @@
+"""The simulated devices: seeded, true to their profile, indifferent to how they are read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.conftest import recorded
+from vrbench.config.suite import Suite
+from vrbench.devices.ports import HeadsetProfile, Session, Tracking
+from vrbench.devices.simulated import headset, robot
+from vrbench.devices.simulated.noise import correlated, losses, rng_of
+from vrbench.devices.simulated.stage import Stage, VirtualClock
+from vrbench.geometry import Transform, relative_angle
+from vrbench.motion.generators import generate
+from vrbench.recording.take import read_take
+from vrbench.streams import Samples
+from vrbench.trajectory import NS
+
+MOUNTING = Transform.of((0.003, 0.087, 0.276), (0.7071, 0.0, 0.0, 0.7071))
+PROFILE = HeadsetProfile(rate_hz=72.0)
+STILL = Tracking(0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def perform(
+    seed: int = 3,
+    reads: int = 1,
+    profile: HeadsetProfile = PROFILE,
+    headset_options: headset.Options | None = None,
+    robot_options: robot.Options | None = None,
+    motion: str = "saturate-30s-1",
+) -> tuple[Stage, Samples, Samples, Samples]:
+    """(stage, headset, robot, target) of one motion; devices are read at every reads-th step."""
+    stage = Stage()
+    session = Session(VirtualClock(), MOUNTING, seed, stage)
+    arm = robot.SimulatedRobot(robot_options or robot.Options(), session)
+    head = headset.SimulatedHeadset(headset_options or headset.Options(), profile, session)
+    arm.start("take"), head.start("take")
+    parts: dict[str, list[Samples]] = {}
+    plan = arm.plan(generate(motion).trajectory)
+    for step, _ in enumerate(arm.execute(plan), 1):
+        if step % reads == 0:
+            for source in (arm, head):
+                for name, samples in source.read().poses.items():
+                    parts.setdefault(name, []).append(samples)
+    for source in (arm, head):
+        for name, samples in source.read().poses.items():
+            parts.setdefault(name, []).append(samples)
+    joined = {name: Samples.concatenate(group) for name, group in parts.items()}
+    return stage, joined["headset/eye"], joined["robot/tcp"], joined["robot/target"]
+
+
+def test_one_seed_gives_one_stream_however_it_is_read() -> None:
+    _, often, tcp_often, _ = perform(reads=1)
+    _, seldom, tcp_seldom, _ = perform(reads=3)
+    assert np.array_equal(often.pose.p, seldom.pose.p)
+    assert np.array_equal(often.pose_t, seldom.pose_t)
+    assert np.array_equal(tcp_often.pose.q, tcp_seldom.pose.q)
+
+
+def test_another_seed_gives_another_stream() -> None:
+    _, one, _, _ = perform(seed=3)
+    _, two, _, _ = perform(seed=4)
+    assert not np.allclose(one.pose.p, two.pose.p)
+
+
+def test_a_headset_without_errors_is_where_the_truth_says() -> None:
+    options = headset.Options(clock_offset_s=0.25, clock_skew_ppm=20.0)
+    stage, head, _, _ = perform(
+        profile=HeadsetProfile(72.0, tracking=STILL), headset_options=options
+    )
+    true = stage.truth["headset"]
+    y, x = (Transform.of(true[k]["p_m"], true[k]["q_xyzw"]) for k in ("base_world", "tcp_eye"))
+    since = (head.pose_t - true["clock_epoch_ns"]) / NS
+    host = head.pose_t - np.rint((0.25 + 20e-6 * (since - 0.25)) * NS).astype(np.int64)
+    expected = stage.tcp(host) @ x
+    found = y @ head.pose
+    assert np.abs(found.p - expected.p).max() < 1e-8
+    assert relative_angle(found.q, expected.q).max() < 1e-7
+
+
+def test_the_errors_have_the_profile_s_size() -> None:
+    squares = []
+    for seed in range(12):
+        t = np.arange(0.0, 120.0, 0.1)
+        noise = correlated(rng_of(seed, "x"), 0.001, 2.0, 3)(t)
+        squares.append(np.mean(noise**2, axis=0))
+    assert np.sqrt(np.mean(squares)) == pytest.approx(0.001, rel=0.05)
+
+
+def test_slow_noise_keeps_its_correlation_time() -> None:
+    t = np.arange(0.0, 2000.0, 0.25)
+    noise = correlated(rng_of(5, "x"), 1.0, 2.0, 8)(t)
+    lag = 8  # 2 s, one time constant
+    r = np.mean(noise[lag:] * noise[:-lag]) / np.mean(noise**2)
+    assert r == pytest.approx(np.exp(-1.0), abs=0.08)
+
+
+def test_losses_come_as_often_and_last_as_long_as_asked() -> None:
+    t = np.arange(0.0, 3600.0, 0.01)
+    lost = losses(rng_of(1, "x"), 6.0, 0.5)(t)
+    assert lost.mean() == pytest.approx(6.0 * 0.5 / 60.0, rel=0.15)
+
+
+def test_lost_poses_are_sent_and_flagged() -> None:
+    tracking = Tracking(lost_per_minute=20.0, lost_s=0.5)
+    _, head, _, _ = perform(profile=HeadsetProfile(72.0, tracking=tracking))
+    assert 0.02 < 1.0 - head.good.mean() < 0.5
+    assert len(head) == pytest.approx(72 * 31, abs=3)
+
+
+def test_no_losses_where_none_are_asked_for() -> None:
+    _, head, _, _ = perform(profile=HeadsetProfile(72.0, tracking=STILL))
+    assert head.good.all()
+
+
+@pytest.mark.parametrize("rate", [30.0, 125.0, 500.0])
+def test_the_robot_logs_at_its_rate_and_repeats_to_three_hundredths(rate: float) -> None:
+    options = robot.Options(rate_hz=rate, lag_s=0.0)
+    _, _, tcp, target = perform(robot_options=options)
+    steps = np.diff(tcp.pose_t)
+    assert np.all(steps == steps[0])
+    assert NS / steps[0] == pytest.approx(rate, rel=1e-3)
+    planned = target.trajectory()
+    inside = (tcp.pose_t >= planned.t[0]) & (tcp.pose_t <= planned.t[-1])
+    error = tcp.pose.p[inside] - planned.at(tcp.pose_t[inside]).p
+    assert 5e-6 < np.sqrt(np.mean(np.sum(error**2, axis=1))) < 6e-5
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(ValueError, match="less than or equal to 500"):
+        robot.Options(rate_hz=1000.0)
+
+
+def test_a_mount_has_its_own_x_and_a_take_its_own_world(tmp_path: Path, short_suite: Suite) -> None:
+    cases = [case.model_copy(update={"remounts": 1}) for case in short_suite.cases]
+    suite = short_suite.model_copy(update={"cases": tuple(cases)})
+    bundle = recorded(suite, tmp_path / "run")
+    truths = {
+        path.stem: json.loads(path.read_text())["headset"]
+        for path in (bundle.folder / "truth").glob("*.json")
+    }
+    one, same, other = (truths[f"replay.default.{place}"] for place in ("m1.r1", "m1.r2", "m2.r1"))
+    assert one["tcp_eye"] == same["tcp_eye"] != other["tcp_eye"]
+    assert one["base_world"] != same["base_world"]
+    assert one["clock_offset_s"] == other["clock_offset_s"]
+
+
+def test_a_run_is_the_same_byte_for_byte(tmp_path: Path, short_suite: Suite) -> None:
+    one, two = (recorded(short_suite, tmp_path / name, seed=5) for name in ("a", "b"))
+    assert [t.sha256 for t in one.record.takes] == [t.sha256 for t in two.record.takes]
+
+
+def test_takes_hold_what_the_devices_sent(run: Path) -> None:
+    columns = read_take(run / "takes" / "replay.default.m1.r1.mcap")
+    assert set(columns.poses) == {"headset/eye", "robot/tcp", "robot/target"}
+    assert [event.detail["name"] for event in columns.events] == ["move", "rest"]
+    assert columns.metadata["motion"] == "saturate-30s-1"

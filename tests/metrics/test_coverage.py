@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from vrbench.metrics import coverage
+from vrbench.streams import GOOD, Flag
+
+
+def test_missing_samples_and_bad_samples_both_cost_coverage(values, make_take):
+    whole = values(coverage.FAMILY, make_take())["coverage.valid", "", "all", "value"]
+    assert whole.value == pytest.approx(100)
+    lost = values(coverage.FAMILY, make_take(keep=lambda s: (s < 5) | (s > 10)))
+    assert lost["coverage.valid", "", "all", "value"].value == pytest.approx(75, abs=0.2)
+    bad = values(
+        coverage.FAMILY,
+        make_take(flags=lambda s: np.where((s < 5) | (s > 10), GOOD, int(Flag.POSITION_VALID))),
+    )
+    assert bad["coverage.valid", "", "all", "value"].value == pytest.approx(75, abs=0.2)
+    assert bad["coverage.completion", "", "all", "value"].value == 100
+
+
+def test_every_other_sample_missing_for_a_while_costs_half_of_it(values, make_take):
+    def keep(s):
+        return (s < 5) | (np.arange(len(s)) % 2 == 0) | (s > 10)
+
+    found = values(coverage.FAMILY, make_take(keep=keep))
+    assert found["coverage.valid", "", "all", "value"].value == pytest.approx(87.5, abs=0.2)
+
+
+def test_completion_ends_with_the_last_good_sample(values, make_take):
+    found = values(coverage.FAMILY, make_take(keep=lambda s: s < 15))
+    assert found["coverage.completion", "", "all", "value"].value == pytest.approx(75, abs=0.2)
+    nothing = make_take(flags=lambda s: np.zeros(len(s)))
+    assert values(coverage.FAMILY, nothing)["coverage.valid", "", "all", "value"].value == 0

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from vrbench.errors import EstimationError
+from vrbench.geometry import Transform
+from vrbench.metrics.pairs import find_pairs, pairs_by_time
+
+
+def line(n):
+    return Transform(np.outer(np.arange(n) * 0.5, [1.0, 0, 0]), np.tile([0.0, 0, 0, 1], (n, 1)))
+
+
+def listed(pairs):
+    return list(zip(*(x.tolist() for x in pairs), strict=True))
+
+
+def test_frames_end_to_end_or_from_each():
+    assert listed(find_pairs(line(6), 2)) == [(0, 2), (2, 4)]
+    assert listed(find_pairs(line(5), 2, all_pairs=True)) == [(0, 2), (1, 3), (2, 4)]
+
+
+def test_one_pair_is_enough_and_none_is_an_error():
+    assert listed(find_pairs(line(3), 2)) == [(0, 2)]
+    for n in (0, 1, 2):
+        for unit in ("frames", "m", "deg"):
+            with pytest.raises(EstimationError, match="poses are 2"):
+                find_pairs(line(n), 2, unit)
+
+
+@pytest.mark.parametrize(
+    ("delta", "unit"), [(0, "frames"), (-1, "m"), (1.5, "frames"), (1, "feet")]
+)
+def test_deltas_that_mean_nothing_are_refused(delta, unit):
+    with pytest.raises(ValueError, match=r"delta|unit"):
+        find_pairs(line(5), delta, unit)
+
+
+def test_a_gap_in_time_has_no_pairs_across_it():
+    t = np.array([0, 1, 2, 10, 11, 12], dtype=np.int64) * 100
+    assert listed(pairs_by_time(t, 100, 10)) == [(0, 1), (1, 2), (3, 4), (4, 5)]
+    assert listed(pairs_by_time(t, 500, 10)) == []
+    assert listed(pairs_by_time(t[:0], 500, 10)) == []

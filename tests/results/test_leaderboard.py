@@ -1,0 +1,104 @@
+"""Leaderboards: only what can be compared stands together, only what may be ranked has a rank."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vrbench.errors import ConfigError, DataError
+from vrbench.results.bundle import Bundle
+from vrbench.results.leaderboard import leaderboard
+from vrbench.results.tables import read_rows, write_rows
+
+TABLE = "metrics/vrbench-1.csv"
+
+
+@pytest.fixture
+def rival(run: Path, tmp_path: Path) -> Path:
+    """A second run, of a device that errs twice as much."""
+    folder = tmp_path / "rival"
+    shutil.copytree(run, folder)
+    edit(folder, lambda record: record["device"].update(headset="rival"))
+    lines = (folder / TABLE).read_text().splitlines()
+    header = lines[0].split(",")
+    value, metric = header.index("value"), header.index("metric")
+    out = [lines[0]]
+    for line in lines[1:]:
+        cells = line.split(",")
+        if cells[metric].startswith("ape.translation") and cells[value]:
+            cells[value] = str(2 * float(cells[value]))
+        out.append(",".join(cells))
+    (folder / TABLE).write_text("\n".join(out) + "\n")
+    return folder
+
+
+def edit(folder: Path, change) -> None:
+    path = folder / "run.json"
+    record = json.loads(path.read_text())
+    change(record)
+    path.write_text(json.dumps(record))
+
+
+def boards(*folders: Path):
+    return leaderboard([Bundle.open(folder) for folder in folders], "vrbench-1")
+
+
+def test_the_smaller_error_ranks_first(run: Path, rival: Path) -> None:
+    (board,) = boards(rival, run)
+    assert [entry.device for entry in board.entries] == ["sim", "rival"]
+    assert [entry.rank for entry in board.entries] == [1, 2]
+    assert board.entries[1].value == pytest.approx(2 * board.entries[0].value)
+    assert (board.entries[0].takes, board.entries[0].mounts) == (2, 1)
+    assert board.metric == "ape.translation.aligned rmse at the eye"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda record: record.update(suite_digest="0" * 64),
+        lambda record: [t.update(motion_digest="0" * 64) for t in record["takes"]],
+        lambda record: [t.update(speed=1.24) for t in record["takes"]],
+    ],
+)
+def test_what_differs_in_suite_motion_or_speed_stands_apart(run: Path, rival: Path, change) -> None:
+    edit(rival, change)
+    found = boards(run, rival)
+    assert len(found) == 2
+    assert [len(board.entries) for board in found] == [1, 1]
+
+
+def test_a_bad_calibration_is_listed_unranked_with_its_reason(run: Path, rival: Path) -> None:
+    text = (rival / TABLE).read_text()
+    (rival / TABLE).write_text(text.replace(",ok,", ",unbracketed,no calibration after"))
+    (board,) = boards(run, rival)
+    assert [entry.rank for entry in board.entries] == [1, None]
+    assert board.entries[1].status == "unbracketed"
+    assert board.entries[1].reason == "no calibration after"
+    assert board.entries[1].value is not None
+
+
+def test_low_coverage_is_listed_unranked(run: Path) -> None:
+    rows = [
+        replace(row, value=94.9) if row.metric == "coverage.valid" else row
+        for row in read_rows(run / TABLE)
+    ]
+    write_rows(rows, run / TABLE)
+    (board,) = boards(run)
+    assert board.entries[0].status == "low coverage"
+    assert board.entries[0].rank is None
+    assert "95 % valid poses" in board.entries[0].reason
+
+
+def test_the_same_run_twice_is_refused(run: Path) -> None:
+    with pytest.raises(ConfigError, match="given twice"):
+        boards(run, run)
+
+
+def test_a_run_without_metrics_says_what_to_do(run: Path) -> None:
+    (run / TABLE).unlink()
+    with pytest.raises(DataError, match="vrbench evaluate"):
+        boards(run)

@@ -1,0 +1,108 @@
+"""Metric tables: exact, strict, and pooled by samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrbench.errors import DataError
+from vrbench.results.tables import Row, pool, read_rows, write_rows
+
+ROW = Row(
+    protocol="vrbench-1",
+    device="d",
+    suite="s@1",
+    case="replay",
+    condition="default",
+    sitting="1",
+    mount="1",
+    repeat="1",
+    segment="all",
+    reference="robot",
+    variant="main",
+    metric="ape.translation.aligned",
+    point="eye",
+    band="all",
+    statistic="rmse",
+    value=1.25,
+    unit="mm",
+    samples=10,
+)
+
+TAKES = ("mount", "repeat")
+
+
+def test_rows_come_back(tmp_path: Path) -> None:
+    rows = [ROW, replace(ROW, value=None, status="skipped", reason='no "x", says the gate')]
+    write_rows(rows, tmp_path / "metrics" / "a.csv")
+    assert read_rows(tmp_path / "metrics" / "a.csv") == rows
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_number_that_is_none_is_never_written(tmp_path: Path, value: float) -> None:
+    with pytest.raises(ValueError, match="rmse is"):
+        write_rows([replace(ROW, value=value)], tmp_path / "a.csv")
+    assert not (tmp_path / "a.csv").exists()
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n"])
+def test_other_tables_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(DataError, match="other columns"):
+        read_rows(tmp_path / "a.csv")
+
+
+def test_a_broken_cell_is_told(tmp_path: Path) -> None:
+    write_rows([ROW], tmp_path / "metrics" / "a.csv")
+    path = tmp_path / "metrics" / "a.csv"
+    path.write_text(path.read_text().replace("1.25", "much"))
+    with pytest.raises(DataError, match="can't be read"):
+        read_rows(path)
+
+
+def of_errors(errors: np.ndarray, repeat: str) -> list[Row]:
+    numbers = {
+        "rmse": np.sqrt(np.mean(errors**2)),
+        "mean": errors.mean(),
+        "std": errors.std(),
+        "min": errors.min(),
+        "max": errors.max(),
+        "sse": np.sum(errors**2),
+    }
+    return [
+        replace(ROW, repeat=repeat, statistic=k, value=float(v), samples=len(errors))
+        for k, v in numbers.items()
+    ]
+
+
+def test_pooled_numbers_are_those_of_all_samples_together() -> None:
+    rng = np.random.default_rng(0)
+    one, two = np.abs(rng.normal(size=50)), np.abs(rng.normal(2, 1, size=170))
+    pooled = {row.statistic: row for row in pool(of_errors(one, "1") + of_errors(two, "2"), *TAKES)}
+    expected = {row.statistic: row for row in of_errors(np.concatenate((one, two)), "all")}
+    assert pooled.keys() == expected.keys()
+    for name, row in pooled.items():
+        assert row.value == pytest.approx(expected[name].value)
+        assert (row.mount, row.repeat, row.samples) == ("all", "all", 220)
+
+
+def test_one_take_is_not_pooled() -> None:
+    assert pool(of_errors(np.ones(3), "1"), *TAKES) == []
+
+
+def test_a_take_without_a_number_leaves_nothing_to_pool() -> None:
+    rows = of_errors(np.ones(3), "1")
+    rows.append(
+        replace(ROW, repeat="2", statistic="value", value=None, status="failed", reason="x")
+    )
+    assert pool(rows, *TAKES) == []
+
+
+def test_the_worst_status_is_the_pool_s() -> None:
+    bad = [replace(r, status="extrapolated", reason="far") for r in of_errors(np.ones(3), "2")]
+    assert {row.status for row in pool(of_errors(np.ones(3), "1") + bad, *TAKES)} == {
+        "extrapolated"
+    }

@@ -1,0 +1,178 @@
+"""Imports: recordings become takes, or nothing at all is left behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.conftest import SHORT, evaluated
+from vrbench.errors import VrbenchError
+from vrbench.importing import import_recordings
+from vrbench.plugin.manager import Plugins
+from vrbench.recording.take import read_take
+from vrbench.results.bundle import Bundle
+from vrbench.trajectory import write_tum
+
+TAKES = {"calibrate": ("m1.r1", "m1.r2"), "replay": ("m1.r1", "m1.r2")}
+
+
+@pytest.fixture
+def lab(run: Path, tmp_path: Path) -> Path:
+    """A folder of TUM logs of a simulated run, and the recordings.yaml that says what they are."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "short.yaml").write_text(SHORT)
+    takes = []
+    for case, places in TAKES.items():
+        for place in places:
+            columns = read_take(run / "takes" / f"{case}.default.{place}.mcap")
+            for name, stream in (("headset", "headset/eye"), ("robot", "robot/tcp")):
+                write_tum(columns.poses[stream].trajectory(), folder / f"{case}.{place}.{name}.tum")
+            takes.append(
+                f"  - case: {case}\n    repeat: {place[-1]}\n"
+                f"    headset: {{format: tum, path: {case}.{place}.headset.tum}}\n"
+                f"    robot: {{format: tum, path: {case}.{place}.robot.tum}}\n"
+            )
+    (folder / "recordings.yaml").write_text(
+        f"suite: {folder / 'short.yaml'}\nlab: test\ndevice: {{headset: my-headset}}\ntakes:\n"
+        + "".join(takes)
+    )
+    return folder
+
+
+def bring(lab: Path, folder: Path) -> Bundle:
+    return import_recordings(str(lab / "recordings.yaml"), folder, Plugins(), lambda *_: None)
+
+
+def change(lab: Path, old: str, new: str) -> None:
+    path = lab / "recordings.yaml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_imported_recordings_score_as_the_run_they_came_from(
+    lab: Path, run: Path, tmp_path: Path
+) -> None:
+    from vrbench.results.tables import read_rows
+
+    bundle = bring(lab, tmp_path / "imported")
+    found = {row.key[3:]: row for row in evaluated(bundle)}
+    first = {row.key[3:]: row for row in read_rows(run / "metrics" / "vrbench-1.csv")}
+    same = [
+        key
+        for key, row in first.items()
+        if row.metric == "ape.translation.aligned" and row.statistic == "rmse" and row.value
+    ]
+    assert len(same) >= 8
+    for key in same:
+        # The logs hold no poses that were lost, and stamps to 0.1 us; all else is the same.
+        assert found[key].value == pytest.approx(first[key].value, rel=2e-3), key
+
+
+def test_a_run_says_what_it_was_made_of(lab: Path, tmp_path: Path) -> None:
+    bundle = bring(lab, tmp_path / "imported")
+    record = Bundle.open(bundle.folder).record
+    assert record.kind == "imported"
+    assert record.device.headset == "my-headset"
+    assert len(record.takes) == 4
+    assert record.files.keys() == {"recordings.yaml"}
+    assert {len(take.sha256) for take in record.takes} == {64}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("format: tum", "format: tumm", "no format is called 'tumm'"),
+        ("calibrate.m1.r1.headset.tum", "gone.tum", "no such file"),
+        ("case: calibrate", "case: calibration", "has no case 'calibration'"),
+        ("format: tum,", "format: tum, topic: /x,", "topic"),
+        ("lab: test", "lab: test\nlabb: 2", "labb"),
+        ("suite: ", "suite: gone-", "no such file"),
+        ("repeat: 2", "repeat: 1", "two takes are case calibrate mount 1 repeat 1"),
+        ("repeat: 2", "repeat: 0", "greater than or equal to 1"),
+        ("takes:", "dataset: unheard-of\ntakes:", "no dataset is called 'unheard-of'"),
+    ],
+)
+def test_what_is_wrong_is_told_and_no_folder_is_left(
+    lab: Path, tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    change(lab, old, new)
+    with pytest.raises(VrbenchError, match=told):
+        bring(lab, tmp_path / "imported")
+    assert not (tmp_path / "imported").exists()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda text: "", "holds no poses"),
+        (lambda text: text[: len(text) // 2], ""),
+        (lambda text: "\n".join(reversed(text.splitlines())) + "\n", "stamps do not increase"),
+        (lambda text: text.replace("\n", " 5\n", 1), "not TUM text"),
+        (lambda text: "a b c\n" + text, "not TUM text"),
+        (lambda text: "nan 0 0 0 0 0 0 1\n" + text, "stamp"),
+    ],
+)
+def test_a_log_that_is_wrong_is_told_or_cut_short(
+    lab: Path, tmp_path: Path, spoil, told: str
+) -> None:
+    log = lab / "replay.m1.r2.headset.tum"
+    log.write_text(spoil(log.read_text()))
+    try:
+        bring(lab, tmp_path / "imported")
+    except VrbenchError as error:
+        assert told in str(error)
+        assert str(log) in str(error)
+        assert not (tmp_path / "imported").exists()
+    else:
+        assert not told
+
+
+def test_a_folder_that_exists_is_left_alone(lab: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "imported"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("precious")
+    with pytest.raises(VrbenchError, match="is there already"):
+        bring(lab, folder)
+    assert (folder / "mine.txt").read_text() == "precious"
+
+
+def test_an_interrupted_import_leaves_nothing(
+    lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vrbench.results.bundle.Bundle.add", stop)
+    with pytest.raises(KeyboardInterrupt):
+        bring(lab, tmp_path / "imported")
+    assert not (tmp_path / "imported").exists()
+
+
+@pytest.mark.parametrize("headset", ["quest-2", "quest-pro"])
+def test_the_paper_s_recordings_go_all_the_way(paper: Path, tmp_path: Path, headset: str) -> None:
+    """Numbers of the joint fit that the paper's recordings are known to give; see the changelog."""
+    bundle = import_recordings(
+        f"banaszczyk2024-{headset}", tmp_path / "run", Plugins(), lambda *_: None
+    )
+    rows = evaluated(bundle)
+    offset = {"quest-2": (-264.0, -260.2), "quest-pro": (-23.9, -16.3)}[headset]
+    rmse = {}
+    for case, expected in zip(("calibrate", "replay"), offset, strict=True):
+        found = next(
+            r for r in rows if r.case == case and r.metric == "clock.offset" and r.variant == "main"
+        )
+        assert found.value == pytest.approx(expected, abs=2.5)
+    for row in rows:
+        if row.metric == "ape.translation.aligned" and row.statistic == "rmse":
+            rmse[row.case, row.point, row.variant, row.band] = row
+    tcp = rmse["replay", "tcp", "main", "all"]
+    assert tcp.value < 1.95
+    assert tcp.status == "extrapolated"
+    assert "no calibration after" in tcp.reason
+    assert rmse["replay", "eye", "main", "all"].value < 1.8
+    assert np.isfinite(rmse["calibrate", "tcp", "in-sample", "all"].value)
+    assert [repair for take in bundle.record.takes for repair in take.repairs]
