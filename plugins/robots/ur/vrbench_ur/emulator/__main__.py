@@ -2,7 +2,7 @@
 
 Commands come on standard input, a line each: `protective`, `estop`, `safeguard`, `clear`, `local`,
 `remote`, `slider 0.5`, `drop`, `freeze 1.0`, `mute`, `skip 20`, `in-use 0`, `place q1 .. q6`,
-`mark NAME`, `report`, `quit`.
+`stick`, `mark NAME`, `report`, `quit`.
 """
 
 from __future__ import annotations
@@ -63,6 +63,8 @@ def command(line: str, controller: Controller, server: Server) -> str | None:
         simple[word]()
     elif word in ("local", "remote"):
         controller.remote = word == "remote"
+    elif word == "stick":
+        controller.twin.stuck = True
     elif word == "mark":
         controller.note("mark " + " ".join(rest))
     elif word == "report":

@@ -217,7 +217,9 @@ class Controller:
             self.twin.follow(self._path())
             self._finish()
         elif command in (SERVO_STOP, STOP_L, STOP_J):
-            self.twin.stop(self._double(0, 1)[0])
+            # of the tool [m/s2]; half a metre of lever makes it the joints' [rad/s2]
+            lever = 1.0 if command == STOP_J else 0.5
+            self.twin.stop(self._double(0, 1)[0] / lever)
             self._finish(wait=True)
         elif command == PROTECTIVE_STOP:
             self.protective_stop()

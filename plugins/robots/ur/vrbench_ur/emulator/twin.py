@@ -29,6 +29,7 @@ class Twin:
         q: targets of the controller (6) [rad]; qd: their speeds [rad/s].
         actual: where the encoders say the joints are (6) [rad]; actual_qd: their speeds.
         scaling: speed slider and what slows it, 0..1.
+        stuck: whether something holds it.
         tool: `T_flange_tcp`: rotation (3 x 3), position (3) [m].
     """
 
@@ -37,6 +38,7 @@ class Twin:
         self.q, self.qd = list(start), [0.0] * 6
         self.actual, self.actual_qd = list(start), [0.0] * 6
         self.scaling = 1.0
+        self.stuck = False
         self.tool: tuple[list[list[float]], list[float]] = (
             [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             [0.0, 0.0, 0.0],
@@ -98,7 +100,9 @@ class Twin:
     def tick(self) -> None:
         """Two milliseconds go by."""
         before = self.q
-        if self._course is not None:
+        if self.stuck:
+            self.qd = [0.0] * 6
+        elif self._course is not None:
             self._since += TICK_S * self.scaling
             self.q, over = self._course(self._since)
             if over:
