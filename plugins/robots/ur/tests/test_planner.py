@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from vrbench_ur import search
 from vrbench_ur.arms import ARMS, UR5E
 from vrbench_ur.fraction import moveit_fraction
 from vrbench_ur.kinematics import flange
@@ -19,6 +20,13 @@ from vrbench.geometry import Transform, relative_angle
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import relative_to_first
 from vrbench.trajectory import Trajectory
+
+
+@pytest.fixture(autouse=True)
+def _little_effort(monkeypatch):
+    """The whole search takes seconds; a tenth of it shows what it does."""
+    for name, value in {"CANDIDATES": 1024, "LOOKED_AT": 48, "REFINED": 1, "ROUNDS": 2}.items():
+        monkeypatch.setattr(search, name, value)
 
 
 @pytest.fixture(scope="module")

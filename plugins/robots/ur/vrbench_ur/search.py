@@ -31,7 +31,7 @@ CANDIDATES = 8192
 BATCH = 256
 # How many starts are looked at in full, how many of them are moved about, and how often.
 LOOKED_AT, REFINED, ROUNDS, NEIGHBOURS = 320, 4, 4, 16
-THIN_POSES = 40
+THIN_POSES = 24
 COARSE_HZ = 12.0
 # Cost of a start that can't reach everything: 10 and the part it misses.
 UNREACHED = 10.0
