@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -44,6 +45,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     server.listen_to(lambda line: command(line, controller, server))
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: setattr(server, "running", False))
+    # late ticks are for those who ask for them
+    with contextlib.suppress(OSError):
+        os.nice(-10)
     _say(f"ready: {given.model} at {given.host}")
     server.run()
     return 0
