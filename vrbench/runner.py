@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,6 +86,12 @@ def record_suite(
         ConfigError: the rig lacks what the suite needs, an option is wrong, or the folder exists.
         DeviceError: a device failed. The bundle stays, marked incomplete, with the takes so far.
     """
+    if suite.mover != "robot":
+        raise ConfigError(
+            f"suite {suite.label} is moved by: {suite.mover}",
+            field="mover",
+            fix="this vrbench records suites that a robot moves; import the others' recordings",
+        )
     profile = _profile(rig, rig_name, plugins)
     motions = {name: generate(motion) for name, motion in suite.motions.items()}
     steps = list(suite.schedule())
@@ -206,7 +212,7 @@ def _record_step(
     path = bundle.take_path(step.name)
     for _ in devices.robot.prepare(plan):
         pass
-    movement: Iterator[float] = devices.robot.execute(plan)
+    movement = devices.robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
     truth: dict[str, Any] = devices.session.stage.truth
     bundle.write_truth(step.name, truth)
@@ -222,5 +228,6 @@ def _record_step(
             motion_digest=motion.digest,
             speed=case.speed,
             fraction=plan.fraction,
+            stretch=plan.stretch,
         )
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -128,12 +128,18 @@ class Robot(PoseSource, Protocol):
         """A plan that moves the mounted eye as `motion`, `T_eye0_eye` with stamps from 0."""
         ...
 
-    def prepare(self, plan: Plan) -> Iterator[float]:
-        """Goes to where the plan starts, before a take begins; yields the part done, 0..1."""
+    def prepare(self, plan: Plan) -> Generator[float]:
+        """Goes to where the plan starts, before a take begins; yields the part done, 0..1.
+
+        Closed before its end, it stops the robot before it returns.
+        """
         ...
 
-    def execute(self, plan: Plan) -> Iterator[float]:
-        """Carries the plan out; yields the part done, 0..1, many times a second."""
+    def execute(self, plan: Plan) -> Generator[float]:
+        """Carries the plan out; yields the part done, 0..1, many times a second.
+
+        Closed before its end, it stops the robot before it returns.
+        """
         ...
 
 

@@ -56,7 +56,8 @@ class TakeRecord(_Record):
     motion: str
     motion_digest: str
     speed: float = 1.0
-    fraction: float | None = None
+    stretch: float = 1.0
+    fraction: float = 1.0
     repairs: list[str] = []
 
     @property

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from types import TracebackType
 from typing import Any, Self
 
@@ -143,7 +143,7 @@ class Control:
                 pass
             raise self._failed("the process that moves it is gone") from None
 
-    def _done(self) -> Iterator[float]:
+    def _done(self) -> Generator[float]:
         """Progress until the child is done; whoever leaves early stops the arm."""
         finished, heard = False, time.monotonic()
         try:
@@ -165,7 +165,7 @@ class Control:
             if not finished:
                 self.stop()
 
-    def approach(self, goal: Floats) -> Iterator[float]:
+    def approach(self, goal: Floats) -> Generator[float]:
         """A slow move to joints (6,) [rad]; yields the part done.
 
         Raises:
@@ -176,7 +176,7 @@ class Control:
         self._send(do="approach", q=goal.tolist(), speed=plan.speed, duration_s=plan.duration_s)
         yield from self._done()
 
-    def servo(self, path: JointPath, speed: float = 1.0) -> Iterator[float]:
+    def servo(self, path: JointPath, speed: float = 1.0) -> Generator[float]:
         """Replays a path from where the arm stands; yields the part done.
 
         Args:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
+from contextlib import closing
 from functools import cached_property
 from types import TracebackType
 from typing import Any, Self
@@ -103,7 +104,7 @@ class UrRobot:
             self._control = Control(self.arm, self.options)
         return self._control
 
-    def prepare(self, plan: Plan) -> Iterator[float]:
+    def prepare(self, plan: Plan) -> Generator[float]:
         """Goes slowly to where the plan starts; the first time, passes through it slowly.
 
         Raises:
@@ -140,7 +141,7 @@ class UrRobot:
                 fix="nothing has moved; bring the arm nearer to the start by hand",
             )
 
-    def execute(self, plan: Plan) -> Iterator[float]:
+    def execute(self, plan: Plan) -> Generator[float]:
         """Replays the plan from where it starts.
 
         Raises:
@@ -150,12 +151,14 @@ class UrRobot:
         mine = self._allowed(plan)
         control = self._connected()
         begun = False
-        for done in control.servo(mine.path):
-            if not begun and control.last.get("event") in ("begin", "at"):
-                begun = True
-                now = self.session.host.now()
-                self._target = Samples.of(mine.target.t + now, mine.target.pose)
-            yield done
+        # closing the inner one stops the arm
+        with closing(control.servo(mine.path)) as steps:
+            for done in steps:
+                if not begun and control.last.get("event") in ("begin", "at"):
+                    begun = True
+                    now = self.session.host.now()
+                    self._target = Samples.of(mine.target.t + now, mine.target.pose)
+                yield done
         told = {k: v for k, v in control.last.items() if k.endswith(("_ms", "_deg"))}
         self._events.append(Event(self.session.host.now(), "replay", told))
 

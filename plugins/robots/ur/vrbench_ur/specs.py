@@ -7,7 +7,7 @@ from functools import partial
 
 from vrbench.devices.ports import Finding, MotionPlanner, Robot, RobotSpec, Session
 from vrbench.geometry import Transform
-from vrbench_ur.arms import ARMS, Arm
+from vrbench_ur.arms import ARMS, UR5E, Arm
 from vrbench_ur.options import Options
 
 
@@ -37,7 +37,7 @@ ROBOTS = [
         rate_hz=500.0,
         options=Options,
         check=partial(_check, arm),
-        emulator="vrbench_ur.emulator",
+        emulator=f"vrbench_ur.emulator{'' if arm is UR5E else '.' + arm.name}",
         planner=partial(_planner, arm),
         real=True,
     )
