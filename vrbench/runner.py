@@ -21,6 +21,7 @@ from vrbench.devices.simulated.stage import SimulatedOperator, Stage, VirtualClo
 from vrbench.errors import ConfigError
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import Motion, at_speed
+from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
@@ -70,6 +71,7 @@ def record_suite(
     *,
     seed: int,
     watcher: Watcher,
+    permission: Permission | None = None,
 ) -> Bundle:
     """Records all takes of a suite into a new bundle.
 
@@ -81,6 +83,7 @@ def record_suite(
         plugins: for their devices.
         seed: of everything random, so that a simulated run can be made again.
         watcher: told how it goes on.
+        permission: to move a real robot; asked for at the start and after every operator prompt.
 
     Raises:
         ConfigError: the rig lacks what the suite needs, an option is wrong, or the folder exists.
@@ -113,11 +116,16 @@ def record_suite(
     with ExitStack() as stack:
         devices = _open(rig, rig_name, profile, plugins, seed, stack)
         bundle = Bundle.create(folder, record, {"rig.json": rig.model_dump_json(indent=1)})
+        if permission is not None:
+            permission.again(devices.session.permit)
         mount = 1
         for index, step in enumerate(steps):
             if step.mount != mount:
                 mount = step.mount
+                devices.session.permit.revoke()
                 devices.operator.remount(mount)
+                if permission is not None:
+                    permission.again(devices.session.permit)
             watcher.take(step.name, index, len(steps))
             _record_step(bundle, devices, step, motions[step.case.motion], watcher)
         bundle.finish()

@@ -319,6 +319,15 @@ class Child:
             raise _Fault(f"{joint} is {np.degrees(error):.1f} deg from its command at {at:.2f} s")
         return error
 
+    def blame(self, error: Exception) -> str:
+        """Stops the arm where it can still be told to, and says what went wrong."""
+        time.sleep(0.05)
+        lost = getattr(getattr(self, "reader", None), "lost", None)
+        if lost is not None:
+            return f"connection lost: {lost}; its watchdog stops the arm"
+        self._halt()
+        return f"{type(error).__name__}: {error}"
+
     def _halt(self) -> None:
         """Stops the arm, if it moves, and the program, so that nothing can move it again."""
         if self.control is None:
@@ -345,7 +354,7 @@ def main() -> int:
         say(event="fault", why=str(error))
         code = LEAVE_FAULT
     except Exception as error:  # whatever ur-rtde throws is the robot's trouble, told in one line
-        say(event="fault", why=f"{type(error).__name__}: {error}")
+        say(event="fault", why=child.blame(error))
         code = LEAVE_FAULT
     # without its destructors: they wait, and talk to a controller that may be gone
     sys.stdout.flush()
