@@ -154,3 +154,11 @@ def test_execute_means_nothing_on_a_simulated_rig(tmp_path):
     done = vrbench("record", "calibration", "--rig", "sim", "--execute", "0" * 12, cwd=tmp_path)
     assert done.returncode == 2
     assert "no real robot moves on this rig" in done.stderr
+
+
+def test_without_pinocchio_the_plugin_is_listed_and_says_what_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    for name in ("cell", "planner", "planning", "robot", "plan_file", "search", "checks"):
+        monkeypatch.delitem(sys.modules, f"vrbench_ur.{name}", raising=False)
+    with pytest.raises(ConfigError, match="pinocchio is not installed"):
+        ROBOTS[0].planner(ROBOTS[0].options(), None)

@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 
 from vrbench.devices.ports import Finding, MotionPlanner, Robot, RobotSpec, Session
+from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench_ur.arms import ARMS, UR5E, Arm
 from vrbench_ur.options import Options
 
 
+@contextmanager
+def _installed() -> Iterator[None]:
+    """Where a library has no wheel for this system, that is what is said."""
+    try:
+        yield
+    except ImportError as error:
+        raise ConfigError(
+            f"{error.name} is not installed: there is no wheel of it for this system",
+            field="robot.plugin",
+            fix="plan on Linux or macOS, move the robot from Linux",
+        ) from None
+
+
 def _open(arm: Arm, options: Options, session: Session) -> Robot:
-    from vrbench_ur.robot import UrRobot
+    with _installed():
+        from vrbench_ur.robot import UrRobot
 
     return UrRobot(arm, options, session)
 
 
 def _planner(arm: Arm, options: Options, mounting: Transform) -> MotionPlanner:
-    from vrbench_ur.planning import PlannerPort
+    with _installed():
+        from vrbench_ur.planning import PlannerPort
 
     return PlannerPort(arm, options, mounting)
 
