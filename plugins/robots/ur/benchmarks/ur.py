@@ -17,7 +17,8 @@ from vrbench_ur.control import Control
 from vrbench_ur.inverse import pose_error, solve
 from vrbench_ur.kinematics import flange
 from vrbench_ur.options import Options, Start
-from vrbench_ur.planner import Planner, start_posture
+from vrbench_ur.plan import start_posture
+from vrbench_ur.planner import Planner
 from vrbench_ur.reader import Reader
 from vrbench_ur.testing import MOUNTING, Emulator, nod, options
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from vrbench_ur.arms import ARMS, UR5E
 from vrbench_ur.control import Control
-from vrbench_ur.planner import start_posture
+from vrbench_ur.plan import start_posture
 from vrbench_ur.reader import Reader
 from vrbench_ur.robot import UrRobot
 from vrbench_ur.safety import (

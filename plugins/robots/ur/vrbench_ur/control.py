@@ -72,6 +72,15 @@ class Control:
         ready = self._wait(CONNECT_S)
         self.q = np.array(ready["q"])
 
+    def check(self) -> None:
+        """Raises what happened, where something did.
+
+        Raises:
+            RobotFaultError: a fault stands.
+        """
+        if self.fault is not None:
+            raise self._failed(self.fault)
+
     @property
     def pid(self) -> int:
         """The child's process id."""
@@ -110,8 +119,7 @@ class Control:
         Raises:
             RobotFaultError: it tells of a fault, or it died.
         """
-        if self.fault is not None:
-            raise self._failed(self.fault)
+        self.check()
         try:
             line = self._lines.get(timeout=wait_s)
         except queue.Empty:
@@ -132,8 +140,7 @@ class Control:
         return line
 
     def _send(self, **order: Any) -> None:
-        if self.fault is not None:
-            raise self._failed(self.fault)
+        self.check()
         assert self._process.stdin is not None
         try:
             self._process.stdin.write((json.dumps(order) + "\n").encode())

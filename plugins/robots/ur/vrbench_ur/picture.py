@@ -9,7 +9,7 @@ import numpy as np
 
 from vrbench.geometry import Floats
 from vrbench_ur.arms import JOINTS
-from vrbench_ur.planner import UrPlan
+from vrbench_ur.plan import UrPlan
 
 WIDTH, LEFT, RIGHT = 900.0, 70.0, 20.0
 COLOURS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377")

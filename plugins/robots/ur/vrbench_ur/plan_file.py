@@ -11,7 +11,8 @@ import numpy as np
 from vrbench.errors import ConfigError, DataError
 from vrbench.results.bundle import replace_text
 from vrbench_ur.picture import svg
-from vrbench_ur.planner import Planner, UrPlan, as_json, plan_hash
+from vrbench_ur.plan import UrPlan, as_json, plan_hash
+from vrbench_ur.planner import Planner
 from vrbench_ur.spline import DEGREE, JointPath
 
 FORMAT = "vrbench-ur-plan-1"

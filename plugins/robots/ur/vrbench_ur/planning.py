@@ -10,8 +10,9 @@ from vrbench.geometry import Transform
 from vrbench.trajectory import Trajectory
 from vrbench_ur.arms import Arm
 from vrbench_ur.options import Options
+from vrbench_ur.plan import UrPlan
 from vrbench_ur.plan_file import describe, write_plan
-from vrbench_ur.planner import Planner, UrPlan
+from vrbench_ur.planner import Planner
 
 
 class PlannerPort:

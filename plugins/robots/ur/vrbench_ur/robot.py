@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Generator
 from contextlib import closing
 from functools import cached_property
@@ -19,10 +20,12 @@ from vrbench_ur.arms import JOINTS, Arm
 from vrbench_ur.control import Control
 from vrbench_ur.controller_clock import ControllerClock
 from vrbench_ur.options import Options
-from vrbench_ur.planner import Planner, UrPlan, start_posture
+from vrbench_ur.plan import UrPlan, start_posture
+from vrbench_ur.planner import Planner
 from vrbench_ur.planning import own
 from vrbench_ur.probe import check_controller
 from vrbench_ur.reader import Reader
+from vrbench_ur.safety import RobotFaultError, check_measured
 
 # Postures that are checked for distance on the straight way to a plan's start.
 APPROACH_POINTS = 200
@@ -36,6 +39,7 @@ class UrRobot:
         self._reader: Reader | None = None
         self._control: Control | None = None
         self._clock = ControllerClock()
+        self._fault: RobotFaultError | None = None
         self._rehearsed: set[str] = set()
         self._events: list[Event] = []
         self._target: Samples | None = None
@@ -99,10 +103,30 @@ class UrRobot:
         return mine
 
     def _connected(self) -> Control:
+        """The child that moves the arm; a fault while it connects stays like any other."""
+        if self._fault is not None:
+            raise self._fault
         if self._control is None:
             check_controller(self.arm, self.options)
-            self._control = Control(self.arm, self.options)
+            try:
+                self._control = Control(self.arm, self.options)
+            except RobotFaultError as fault:
+                self._fault = fault
+                raise
+        self._control.check()
         return self._control
+
+    def _measured(self) -> Floats:
+        """Where the joints are now (6,) [rad].
+
+        Raises:
+            DeviceError: the connection is lost.
+        """
+        reader = self._reader
+        packet = None if reader is None or reader.lost else reader.latest()
+        if packet is None:
+            raise DeviceError(f"{self.options.host} sends nothing", fix="check the cable")
+        return np.array(packet["actual_q"], dtype=np.float64)
 
     def prepare(self, plan: Plan) -> Generator[float]:
         """Goes slowly to where the plan starts; the first time, passes through it slowly.
@@ -114,13 +138,13 @@ class UrRobot:
         mine = self._allowed(plan)
         start = start_posture(mine)
         control = self._connected()
-        self._check_way(control.q, start)
+        self._check_way(self._measured(), start)
         yield from control.approach(start)
         percent = self.options.first_pass_percent
         if mine.hash in self._rehearsed or percent >= 100.0:
             return
         yield from control.servo(mine.path, percent / 100.0)
-        self._check_way(control.q, start)
+        self._check_way(self._measured(), start)
         yield from control.approach(start)
         self._rehearsed.add(mine.hash)
 
@@ -150,14 +174,17 @@ class UrRobot:
         """
         mine = self._allowed(plan)
         control = self._connected()
+        tolerance = float(np.radians(self.options.tolerance_deg))
+        check_measured(self.arm, self._measured(), start_posture(mine), tolerance)
         begun = False
         # closing the inner one stops the arm
         with closing(control.servo(mine.path)) as steps:
             for done in steps:
-                if not begun and control.last.get("event") in ("begin", "at"):
+                if not begun and control.last.get("event") == "begin":
                     begun = True
-                    now = self.session.host.now()
-                    self._target = Samples.of(mine.target.t + now, mine.target.pose)
+                    ago = max(time.time_ns() - int(control.last["t"]), 0)
+                    t = mine.target.t + (self.session.host.now() - ago)
+                    self._target = Samples.of(t, mine.target.pose)
                 yield done
         told = {k: v for k, v in control.last.items() if k.endswith(("_ms", "_deg"))}
         self._events.append(Event(self.session.host.now(), "replay", told))

@@ -24,11 +24,11 @@ import numpy as np
 
 from vrbench.errors import VrbenchError
 from vrbench.geometry import Floats
-from vrbench_ur import rtde
-from vrbench_ur.arms import ARMS, JOINTS
+from vrbench_ur.arms import ARMS
 from vrbench_ur.reader import Reader
-from vrbench_ur.safety import APPROACH_ACCELERATION, clamp, safety_text
+from vrbench_ur.safety import APPROACH_ACCELERATION, clamp
 from vrbench_ur.spline import JointPath
+from vrbench_ur.watching import FaultError, check_packet, off_track
 
 PERIOD_S = 0.002
 WATCH_HZ = 125.0
@@ -48,10 +48,6 @@ LEAVE_FAULT = 3
 
 class _Stopped(Exception):  # noqa: N818 - not an error: somebody asked for it
     """Somebody wants the arm to stop."""
-
-
-class _Fault(Exception):  # noqa: N818
-    """The arm has to be stopped, or has stopped."""
 
 
 def say(**what: Any) -> None:
@@ -99,7 +95,7 @@ class Child:
             self._halt()
             say(event="stopped")
             return 0
-        except _Fault as fault:
+        except FaultError as fault:
             self._halt()
             say(event="fault", why=str(fault))
             return LEAVE_FAULT
@@ -158,7 +154,7 @@ class Child:
     def _packet(self) -> Any:
         packet = self.reader.latest()
         if packet is None:
-            raise _Fault("the controller has sent nothing yet")
+            raise FaultError("the controller has sent nothing yet")
         self.reader.take()
         return packet
 
@@ -172,17 +168,10 @@ class Child:
         """The newest packet, if it says that all is well.
 
         Raises:
-            _Fault: a stop, a program that ended, or a speed other than full.
+            FaultError: a stop, a program that ended, or a speed other than full.
         """
         packet = self._packet()
-        bits = int(packet["safety_status_bits"])
-        if bits & ~(1 << rtde.NORMAL):
-            raise _Fault(safety_text(bits))
-        if int(packet["runtime_state"]) != rtde.RUNTIME_PLAYING:
-            raise _Fault("the program on the controller was stopped")
-        speed = min(float(packet["speed_scaling"]), float(packet["target_speed_fraction"]))
-        if not idle and self._moving and speed < 0.999:
-            raise _Fault(f"the speed slider is at {100 * speed:.0f} %: the run would be invalid")
+        check_packet(packet, full_speed=self._moving and not idle)
         return packet
 
     # -- moves
@@ -191,28 +180,30 @@ class Child:
         """Payload and TCP, read back; and the watchdog."""
         told, control = self.told, self.control
         if not control.setPayload(told["kg"], told["cog_m"]):
-            raise _Fault("the controller did not take the payload")
+            raise FaultError("the controller did not take the payload")
         if not control.setTcp(told["tcp"]):
-            raise _Fault("the controller did not take the TCP")
+            raise FaultError("the controller did not take the TCP")
         back = np.array(control.getTCPOffset())
         if np.abs(back - told["tcp"]).max() > 1e-6:
-            raise _Fault(f"the TCP reads back as {np.round(back, 6).tolist()}")
+            raise FaultError(f"the TCP reads back as {np.round(back, 6).tolist()}")
         deadline = time.monotonic() + told["timeout_s"]
         while abs(float(self._packet()["payload"]) - told["kg"]) > 1e-6:
             if time.monotonic() > deadline:
-                raise _Fault(f"the payload reads back as {float(self._packet()['payload']):g} kg")
+                raise FaultError(
+                    f"the payload reads back as {float(self._packet()['payload']):g} kg"
+                )
             time.sleep(0.01)
 
     def _guard(self) -> None:
         if not self.control.setWatchdog(self.told["watchdog_hz"]):
-            raise _Fault("the controller did not take the watchdog")
+            raise FaultError("the controller did not take the watchdog")
         self._guarded = True
 
     def _approach(self, goal: Floats, speed: float, duration_s: float) -> None:
         """A slow move to where a plan starts, that can be stopped at any time."""
         self._guard()
         if not self.control.moveJ(goal.tolist(), speed, APPROACH_ACCELERATION, True):
-            raise _Fault("the controller refused the approach")
+            raise FaultError("the controller refused the approach")
         self._moving = True
         begin = time.monotonic()
         start = self._q()
@@ -227,7 +218,9 @@ class Child:
                 break
             spent = time.monotonic() - begin
             if spent > 2.0 * duration_s + 10.0:
-                raise _Fault(f"the approach does not arrive: {np.degrees(off):.2f} deg are left")
+                raise FaultError(
+                    f"the approach does not arrive: {np.degrees(off):.2f} deg are left"
+                )
             if spent - told > 1.0 / TOLD_HZ:
                 told = spent
                 say(event="at", done=1.0 - min(off / far, 1.0))
@@ -261,13 +254,14 @@ class Child:
             step = max(now - previous, PERIOD_S)
             goal, cut = clamp(goal, last, self.arm.speed, min(step, 2 * PERIOD_S))
             if cut:
-                raise _Fault(f"a command at {at:.3f} s is too far from the one before")
+                raise FaultError(f"a command at {at:.3f} s is too far from the one before")
             if not control.servoJ(goal.tolist(), 0.0, 0.0, PERIOD_S, *follow):
                 self._explain()
-                raise _Fault("the controller refused a servoJ")
+                raise FaultError("the controller refused a servoJ")
             last = goal
             sent.append(goal)
-            worst = max(worst, self._follow(packet, sent, at))
+            error = off_track(packet, sent, told["max_error_rad"], at)
+            worst = max(worst, error)
             if at - reported > 1.0 / TOLD_HZ:
                 reported = at
                 say(event="at", done=min(at / duration, 1.0))
@@ -281,9 +275,9 @@ class Child:
             at += min(now - previous, 1.5 * PERIOD_S)
             previous = now
             if slip > MOST_SLIP_S:
-                raise _Fault(f"this computer is too busy: the replay is {slip:.2f} s behind")
+                raise FaultError(f"this computer is too busy: the replay is {slip:.2f} s behind")
         if not control.servoStop(STOP_SERVO):
-            raise _Fault("the controller did not end the replay")
+            raise FaultError("the controller did not end the replay")
         self._moving = False
         say(
             event="done",
@@ -298,26 +292,12 @@ class Child:
         """Waits for the packet that says why the controller refuses.
 
         Raises:
-            _Fault: it came.
+            FaultError: it came.
         """
         deadline = time.monotonic() + STALE_S
         while time.monotonic() < deadline:
             self._check_state()
             time.sleep(0.005)
-
-    def _follow(self, packet: Any, sent: deque[Floats], at: float) -> float:
-        """How far the arm is from where it was sent within the last moments [rad].
-
-        Raises:
-            _Fault: farther than is allowed.
-        """
-        off = np.abs(np.array(sent) - packet["actual_q"])
-        nearest = int(np.argmin(off.max(axis=1)))
-        error = float(off[nearest].max())
-        if error > self.told["max_error_rad"]:
-            joint = JOINTS[int(np.argmax(off[nearest]))]
-            raise _Fault(f"{joint} is {np.degrees(error):.1f} deg from its command at {at:.2f} s")
-        return error
 
     def blame(self, error: Exception) -> str:
         """Stops the arm where it can still be told to, and says what went wrong."""
