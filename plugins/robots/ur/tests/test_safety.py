@@ -30,7 +30,7 @@ from vrbench.recording.recorder import record_take
 from vrbench.recording.take import read_take
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="control is for Linux")
-MOTION = nod(4.0)
+MOTION = nod(3.0)
 # 100 ms in the emulator's own ticks.
 TICKS_100_MS = 50
 
@@ -70,7 +70,7 @@ def test_nothing_moves_unless_a_person_allowed_this_very_plan(emulator, session)
         for step in (robot.prepare, robot.execute):
             with pytest.raises(ConfigError, match="dry run"):
                 next(step(plan))
-        session.permit.grant([robot.plan(nod(3.0)).hash])
+        session.permit.grant([robot.plan(nod(2.0)).hash])
         with pytest.raises(ConfigError, match="dry run"):
             next(robot.execute(plan))
         session.permit.grant([plan.hash])
@@ -125,8 +125,8 @@ def test_where_the_arm_is_not_the_plan_does_not_start(ready, emulator):
 
 def test_the_approach_is_slow_and_the_first_pass_too(emulator, session):
     robot = UrRobot(UR5E, options(emulator.host, first_pass_percent=50.0), session)
-    plan = robot.plan(nod(2.0))
-    emulator.place(start_posture(plan) + 0.2)
+    plan = robot.plan(nod(1.5))
+    emulator.place(start_posture(plan) + 0.1)
     emulator.report()
     session.permit.grant([plan.hash])
     fastest = np.abs(plan.path.at(plan.path.grid(100.0), 1)).max()

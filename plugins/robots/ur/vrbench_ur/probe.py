@@ -6,16 +6,23 @@ import socket
 import sys
 import time
 from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
 
 from vrbench.devices.ports import Finding
 from vrbench.errors import ConfigError, DeviceError
 from vrbench_ur import rtde
 from vrbench_ur.arms import Arm
+from vrbench_ur.calibration import difference, read_calibration
 from vrbench_ur.options import Options
+from vrbench_ur.primary import read_kinematics
 from vrbench_ur.reader import Reader
 from vrbench_ur.safety import check_payload, safety_text
 
 E_SERIES = 5
+# Farther off than arms are from their published model [mm].
+MOST_OFF_MM = 20.0
 
 
 class Dashboard:
@@ -138,8 +145,27 @@ def findings(arm: Arm, options: Options) -> Iterator[Finding]:
             f"{len(times)} samples in 0.3 s at {options.rate_hz:g} Hz",
             "use a cable",
         )
+        yield _kinematics(arm, options, packets)
         if len(packets):
             bits = int(packets[-1]["safety_status_bits"])
             yield Finding(bits == 1, "safety: normal" if bits == 1 else safety_text(bits))
             speed = float(packets[-1]["target_speed_fraction"])
             yield Finding(speed > 0.999, f"speed slider at {100 * speed:.0f} %", "set it to 100 %")
+
+
+def _kinematics(arm: Arm, options: Options, packets: Any) -> Finding:
+    """How far the controller's own arm is from the one that plans are made for."""
+    own = read_kinematics(options.host, options.timeout_s)
+    if own is None or not len(packets):
+        return Finding(True, "the controller does not tell its own kinematics")
+    planned = read_calibration(options.calibration, arm) if options.calibration else arm.dh
+    q = np.array(packets[-1]["actual_q"], dtype=np.float64)[None]
+    off = difference(q, planned, own)
+    where = "the rig's calibration" if options.calibration else "nominal kinematics"
+    return Finding(
+        off.max_mm < MOST_OFF_MM,
+        f"its own kinematics put the flange {off.max_mm:.2f} mm from where {where} do, here",
+        "give its calibration.conf in the rig"
+        if not options.calibration
+        else "another arm's file?",
+    )

@@ -16,13 +16,15 @@ from vrbench.errors import ConfigError, DeviceError
 from vrbench.geometry import Floats, Ints, Transform, rotvec_to_quat
 from vrbench.streams import Columns, Event, Joints, Samples, States
 from vrbench.trajectory import NS, Trajectory
-from vrbench_ur.arms import JOINTS, Arm
+from vrbench_ur.arms import JOINTS, Arm, Dh
+from vrbench_ur.calibration import difference
 from vrbench_ur.control import Control
 from vrbench_ur.controller_clock import ControllerClock
 from vrbench_ur.options import Options
 from vrbench_ur.plan import UrPlan, start_posture
 from vrbench_ur.planner import Planner
 from vrbench_ur.planning import own
+from vrbench_ur.primary import read_kinematics
 from vrbench_ur.probe import check_controller
 from vrbench_ur.reader import Reader
 from vrbench_ur.safety import RobotFaultError, check_measured
@@ -40,6 +42,7 @@ class UrRobot:
         self._control: Control | None = None
         self._clock = ControllerClock()
         self._fault: RobotFaultError | None = None
+        self._own: Dh | None = None
         self._rehearsed: set[str] = set()
         self._events: list[Event] = []
         self._target: Samples | None = None
@@ -108,6 +111,7 @@ class UrRobot:
             raise self._fault
         if self._control is None:
             check_controller(self.arm, self.options)
+            self._own = read_kinematics(self.options.host, self.options.timeout_s)
             try:
                 self._control = Control(self.arm, self.options)
             except RobotFaultError as fault:
@@ -187,6 +191,9 @@ class UrRobot:
                     self._target = Samples.of(t, mine.target.pose)
                 yield done
         told = {k: v for k, v in control.last.items() if k.endswith(("_ms", "_deg"))}
+        if self._own is not None:
+            off = difference(mine.path.at(mine.path.grid(30.0)), self.planner.dh, self._own)
+            told |= {"kinematics_mean_mm": off.mean_mm, "kinematics_max_mm": off.max_mm}
         self._events.append(Event(self.session.host.now(), "replay", told))
 
     # -- recording

@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 
-PORT_RTDE, PORT_SCRIPT, PORT_DASHBOARD = 30004, 30003, 29999
+PORT_RTDE, PORT_SCRIPT, PORT_DASHBOARD, PORT_PRIMARY = 30004, 30003, 29999, 30001
 
 VERSION_REQUEST, CONTROLLER_VERSION = 86, 118
 TEXT = 77

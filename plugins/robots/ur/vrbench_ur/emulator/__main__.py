@@ -14,8 +14,10 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from random import Random
 
-from vrbench_ur.arms import ARMS
+from vrbench_ur.arms import ARMS, Arm, Dh
 from vrbench_ur.emulator.controller import Controller
 from vrbench_ur.emulator.server import Server
 
@@ -27,6 +29,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--model", default="ur5e", choices=list(ARMS))
     parser.add_argument("--version", default="5.12.2", help="of the controller's software")
     parser.add_argument("--seed", type=int, default=1, help="of the arm's noise")
+    parser.add_argument(
+        "--calibrated", type=float, default=0.0, help="deviations of its arm from nominal, mm rms"
+    )
     parser.add_argument("--local", action="store_true", help="remote control is off")
     parser.add_argument("--mute", action="store_true", help="accept, and say nothing")
     parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
@@ -34,12 +39,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     major, minor, bugfix = (int(part) for part in given.version.split("."))
     log = None if given.quiet else _say
-    controller = Controller(ARMS[given.model], given.seed, log)
+    arm = deviating(ARMS[given.model], given.calibrated, given.seed)
+    controller = Controller(arm, given.seed, log)
     controller.remote = not given.local
     try:
         server = Server(controller, given.host, (major, minor, bugfix, 0))
     except OSError as error:
-        _say(f"can't listen on {given.host}, ports 29999, 30003, 30004: {error}")
+        _say(f"can't listen on {given.host}, ports 29999, 30001, 30003, 30004: {error}")
         return 2
     server.mute, server.until_eof = given.mute, given.until_eof
     server.listen_to(lambda line: command(line, controller, server))
@@ -51,6 +57,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _say(f"ready: {given.model} at {given.host}")
     server.run()
     return 0
+
+
+def deviating(arm: Arm, mm: float, seed: int) -> Arm:
+    """An arm as it comes from the factory: lengths off by `mm`, angles by `mm` a metre."""
+    if not mm:
+        return arm
+    rng, dh = Random(seed), arm.dh
+    own = (x + [rng.gauss(0.0, 1e-3 * mm) for _ in range(6)] for x in (dh.d, dh.a, dh.alpha))
+    d, a, alpha = own
+    return replace(arm, dh=Dh(d, a, alpha, dh.theta))
 
 
 def command(line: str, controller: Controller, server: Server) -> str | None:

@@ -1,4 +1,4 @@
-"""The emulator's three ports, in one loop of 2 ms ticks: RTDE, script, dashboard."""
+"""The emulator's ports, in one loop of 2 ms ticks: RTDE, script, dashboard, primary."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from vrbench_ur import rtde
 from vrbench_ur.emulator.controller import Controller
 from vrbench_ur.emulator.dashboard import GREETING, answer
 from vrbench_ur.emulator.twin import TICK_S
+from vrbench_ur.primary import kinematics_message
 
 RATE_HZ = round(1 / TICK_S)
 # Farther behind than this, the loop gives up on the ticks it has missed.
 MOST_BEHIND = 250
 KEEP_BYTES = 65536
+PORTS = (rtde.PORT_RTDE, rtde.PORT_SCRIPT, rtde.PORT_DASHBOARD, rtde.PORT_PRIMARY)
 
 
 @dataclass(eq=False, slots=True)
@@ -29,7 +31,7 @@ class Client:
     """A connection.
 
     Attributes:
-        port: which of the three.
+        port: which of them.
         out: bytes that are still to be sent.
         recipes: input variables by recipe id, with their layout.
         names, layout, every: what it is sent, and every how many ticks; nothing while `every` is 0.
@@ -71,7 +73,7 @@ class Server:
         self._frozen_until = 0.0
         self._selector = selectors.DefaultSelector()
         self._listeners = []
-        for port in (rtde.PORT_RTDE, rtde.PORT_SCRIPT, rtde.PORT_DASHBOARD):
+        for port in PORTS:
             listener = socket.socket()
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind((host, port))
@@ -147,8 +149,12 @@ class Server:
         client = Client(connection, port)
         self.clients.append(client)
         self._selector.register(connection, selectors.EVENT_READ, client)
-        if port == rtde.PORT_DASHBOARD and not self.mute:
+        if self.mute:
+            return
+        if port == rtde.PORT_DASHBOARD:
             self._reply(client, GREETING.encode())
+        elif port == rtde.PORT_PRIMARY:
+            self._reply(client, kinematics_message(self.controller.twin.arm.dh, True))
 
     def _close(self, client: Client) -> None:
         if client in self.clients:
@@ -174,7 +180,7 @@ class Server:
                     self._message(client, kind, payload)
             except (ValueError, struct.error):
                 self._close(client)
-        else:
+        elif client.port != rtde.PORT_PRIMARY:
             client.text += data.decode(errors="replace")
             if client.port == rtde.PORT_SCRIPT:
                 self._scripts(client)
