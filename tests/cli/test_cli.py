@@ -99,7 +99,8 @@ def test_what_the_user_got_wrong_is_told_once(tmp_path: Path, words: list[str], 
 
 def test_a_rig_of_real_devices_is_refused_until_they_are_here(tmp_path: Path) -> None:
     (tmp_path / "lab.yaml").write_text(
-        "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: ur5e}\n"
+        "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: sim}\n"
+        "mocap: {plugin: optitrack}\n"
     )
     done = vrbench("run", "calibration", "--rig", "lab.yaml", cwd=tmp_path)
     refused(done, 2, "lab.yaml: this vrbench runs simulated rigs only")
