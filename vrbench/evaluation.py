@@ -61,7 +61,8 @@ def evaluate(
             for take, columns in mount.takes:
                 tell(take.name, done, total)
                 done += 1
-                scorer = _Scorer(bundle, suite, families, protocol, reference, take)
+                stream = protocol.reference(columns, reference)
+                scorer = _Scorer(bundle, suite, families, protocol, stream, take)
                 rows += scorer.rows(columns, mount)
                 if scorer.scored is not None:
                     scored[take.case].append((take, scorer.scored))
@@ -69,7 +70,8 @@ def evaluate(
                 rows += _rows_of_repeats(bundle, suite, families, protocol, reference, group)
     rows += pool(rows)
     write_rows(rows, bundle.folder / "metrics" / f"{protocol.name}.csv")
-    write_calibrations(bundle.folder / "calibration.json", protocol.name, found)
+    if protocol.calibrate is not None:
+        write_calibrations(bundle.folder / "calibration.json", protocol.name, found)
     return rows
 
 
@@ -80,7 +82,7 @@ def _mounts(
     for take, columns in decoded:
         mount = mounts[take.mount]
         mount.takes.append((take, columns))
-        if take.role == "calibration":
+        if take.role == "calibration" and protocol.calibrate is not None:
             try:
                 mount.calibrations[take.name] = protocol.calibrate(columns, reference, take.name)
             except (EstimationError, DataError) as error:
@@ -102,8 +104,8 @@ class _Scorer:
 
     def rows(self, columns: Columns, mount: _Mount) -> list[Row]:
         others = [c for name, c in mount.calibrations.items() if name != self.take.name]
-        x = mean_x(others) if others else None
         try:
+            x = self._x(others, columns)
             self.scored = self._prepare(columns, x)
         except (EstimationError, DataError) as error:
             return [self._row(v, Verdict("failed", str(error))) for v in self._empty()]
@@ -119,12 +121,19 @@ class _Scorer:
             rows += [self._row(value, ruling) for value in family.of_take(self.scored)]
         return rows + self._in_sample(columns, mount)
 
+    def _x(self, others: Sequence[Calibration], columns: Columns) -> Transform | None:
+        if self.protocol.given_x is not None:
+            return self.protocol.given_x(columns)
+        return mean_x(others) if others else None
+
     def _prepare(self, columns: Columns, x: Transform | None) -> ScoredTake:
         anchor_s = self.suite.case(self.take.case).anchor
         return self.protocol.prepare(columns, self.reference, x, anchor_s=anchor_s)
 
     def _verdict(self, others: Sequence[Calibration], mount: _Mount, scored: ScoredTake) -> Verdict:
         """What the gate says. A calibration take is bracketed by its agreement with the others."""
+        if self.protocol.given_x is not None:
+            return Verdict()
         limits = Limits(
             self.suite.gate.handeye_translation,
             self.suite.gate.handeye_rotation,
@@ -145,7 +154,7 @@ class _Scorer:
     def _in_sample(self, columns: Columns, mount: _Mount) -> list[Row]:
         """APE with X fitted on the very take that is scored: better than it can truly be."""
         ape = [f for f in self.families if f.name == "ape" and f.of_take is not None]
-        if not ape:
+        if not ape or self.protocol.calibrate is None:
             return []
         try:
             own = mount.calibrations.get(self.take.name) or self.protocol.calibrate(

@@ -54,12 +54,12 @@ def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) 
     """Evaluates a run by a protocol."""
     from vrbench.evaluation import evaluate
     from vrbench.plugin.manager import Plugins, pick
-    from vrbench.protocols.vrbench_1 import PROTOCOL as VRBENCH_1
+    from vrbench.protocols.registry import builtin_protocols
 
     plugins = plugins or Plugins()
-    protocols = {VRBENCH_1.name: VRBENCH_1}
+    protocols = {found.name: found for found in builtin_protocols()}
     chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
-    families = [
+    families = chosen.families or [
         pick(plugins.metrics, name, "metric", field="metrics", file=str(bundle.folder))
         for name in bundle.record.resolved_suite().metrics
     ]

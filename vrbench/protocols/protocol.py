@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
 from vrbench.errors import DataError
 from vrbench.geometry import Transform
+from vrbench.metrics.registry import Family
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration
 from vrbench.streams import Columns, Samples
@@ -31,6 +32,11 @@ class Prepare(Interface):
     ) -> ScoredTake: ...
 
 
+def as_asked(columns: Columns, reference: str) -> str:  # noqa: ARG001
+    """The reference that was asked for, whatever else the take has."""
+    return reference
+
+
 @dataclass(frozen=True, slots=True)
 class Protocol:
     """A chain from takes to numbers.
@@ -38,14 +44,22 @@ class Protocol:
     Attributes:
         name: name and version, `vrbench-1`.
         title: what it does, in a sentence.
-        calibrate: X of a calibration take, given its columns, `robot` or `mocap`, and its name.
         prepare: a take made ready for the metrics, with X from elsewhere.
+        calibrate: X of a calibration take, given its columns, `robot` or `mocap`, and its name;
+            None where the protocol brings X along,
+        given_x: and this is it, of a take. Then no gate applies.
+        reference: the stream a take is scored against, given `robot` or `mocap`: that one, or
+            another robot's log.
+        families: the metrics it prints; none where they are the suite's.
     """
 
     name: str
     title: str
-    calibrate: Callable[[Columns, str, str], Calibration]
     prepare: Prepare
+    calibrate: Callable[[Columns, str, str], Calibration] | None = None
+    given_x: Callable[[Columns], Transform] | None = None
+    reference: Callable[[Columns, str], str] = as_asked
+    families: Sequence[Family] = ()
 
 
 def headset_samples(columns: Columns) -> Samples:
@@ -59,14 +73,19 @@ def headset_samples(columns: Columns) -> Samples:
     return columns.poses[HEADSET]
 
 
-def reference_trajectory(columns: Columns, reference: str) -> Trajectory:
-    """The stream that counts as truth: `robot` or `mocap`.
+def reference_samples(columns: Columns, reference: str) -> Samples:
+    """All samples of the stream that counts as truth: `robot`, `mocap`, or another `robot_NAME`.
 
     Raises:
         DataError: the take has none.
     """
-    wanted = REFERENCES[reference]
+    wanted = REFERENCES.get(reference, f"{reference}/tcp")
     for stream, samples in columns.poses.items():
         if stream.startswith(wanted):
-            return samples.trajectory()
+            return samples
     raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")
+
+
+def reference_trajectory(columns: Columns, reference: str) -> Trajectory:
+    """The good poses of the stream that counts as truth; raises as `reference_samples`."""
+    return reference_samples(columns, reference).trajectory()
