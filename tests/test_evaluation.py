@@ -105,9 +105,14 @@ def test_no_row_is_without_a_number_or_a_reason(run: Path) -> None:
     assert len(set(keys)) == len(keys)
 
 
-def test_intervals_are_absent_rather_than_made_up(run: Path) -> None:
-    for row in read_rows(run / TABLE):
+def test_intervals_are_whole_and_say_what_they_speak_for(run: Path) -> None:
+    rows = read_rows(run / TABLE)
+    for row in rows:
         assert (row.ci_low is None) == (row.ci_high is None) == (row.ci_scope == "")
+        if row.ci_low is not None and row.ci_high is not None:
+            assert row.ci_low < row.value < row.ci_high, row
+            assert row.ci_scope == "take"  # one mount, two repeats
+    assert sum(row.ci_low is not None for row in rows) >= 40
 
 
 def test_repeats_are_pooled_over_their_samples(run: Path) -> None:

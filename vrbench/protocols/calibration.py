@@ -31,6 +31,8 @@ class Calibration:
         start: first and
         end: last time used, on the reference's clock [ns].
         tcp: poses `T_base_tcp` it was made of, thinned to at most 500.
+        x_covariance: of X (6, 6): rotation vector in `eye` [rad], translation in `tcp` [m]; None
+            where the protocol has none.
     """
 
     take: str
@@ -41,6 +43,7 @@ class Calibration:
     start: int
     end: int
     tcp: Transform
+    x_covariance: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +69,19 @@ def thinned(tcp: Transform) -> Transform:
     return tcp[:: max(1, -(-len(tcp) // KEPT_POSES))]
 
 
-def mean_x(calibrations: Sequence[Calibration]) -> Transform:
-    """The mean of the calibrations' X: of translations, and chordal of rotations."""
-    return Transform(
+def mean_x(calibrations: Sequence[Calibration]) -> tuple[Transform, Floats | None]:
+    """The mean of the calibrations' X, and its covariance.
+
+    Of rotations it is the chordal mean. The covariance is None where a calibration has none.
+    """
+    x = Transform(
         np.mean([c.x.p for c in calibrations], axis=0),
         mean_rotation(np.array([c.x.q for c in calibrations])),
     )
+    covariances = [c.x_covariance for c in calibrations if c.x_covariance is not None]
+    if len(covariances) < len(calibrations):
+        return x, None
+    return x, np.sum(covariances, axis=0) / len(calibrations) ** 2
 
 
 def gate(

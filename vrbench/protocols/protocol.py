@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
+from vrbench.clocks import ClockMap
 from vrbench.errors import DataError
 from vrbench.geometry import Transform
 from vrbench.metrics.registry import Family
@@ -19,7 +20,11 @@ REFERENCES = {"robot": "robot/tcp", "mocap": "mocap/"}
 
 
 class Prepare(Interface):
-    """Makes a take ready for scoring."""
+    """Makes a take ready for scoring.
+
+    `anchor_s` is the length of the anchor window; with `measured`, a clock known from elsewhere,
+    none is estimated.
+    """
 
     def __call__(
         self,
@@ -28,7 +33,7 @@ class Prepare(Interface):
         x: Transform | None,
         *,
         anchor_s: float | None = None,
-        sitting_y: Transform | None = None,
+        measured: ClockMap | None = None,
     ) -> ScoredTake: ...
 
 

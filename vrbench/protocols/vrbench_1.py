@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from vrbench.clocks import ClockMap
 from vrbench.estimation.clock import ClockFit, estimate_clock
-from vrbench.estimation.fit import fit
+from vrbench.estimation.fit import Fit, fit
 from vrbench.estimation.handeye import residuals, solve_handeye
 from vrbench.estimation.interpolation import PoseSpline, paired
 from vrbench.estimation.trim import active_window
-from vrbench.geometry import Transform
+from vrbench.geometry import Floats, Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, thinned
 from vrbench.protocols.protocol import Protocol, headset_samples, reference_trajectory
@@ -59,7 +60,15 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
         start=int(moving.t[0]),
         end=int(moving.t[-1]),
         tcp=thinned(tcp),
+        x_covariance=_x_covariance(best),
     )
+
+
+def _x_covariance(best: Fit) -> Floats:
+    """Of X (6, 6), from that of all that was fitted."""
+    first = best.names.index("x.rx")
+    part: Floats = best.covariance[first : first + 6, first : first + 6]
+    return part
 
 
 def prepare(
@@ -68,7 +77,7 @@ def prepare(
     x: Transform | None,
     *,
     anchor_s: float | None = None,
-    sitting_y: Transform | None = None,
+    measured: ClockMap | None = None,
 ) -> ScoredTake:
     """A take on the reference's clock; with X, offset and Y are fitted, and nothing else.
 
@@ -78,10 +87,12 @@ def prepare(
     """
     moving, estimate, synchrony = _synchronised(columns, reference)
     spline = PoseSpline(moving)
-    clock, y = synchrony.clock, None
+    clock, y, sigma = measured or synchrony.clock, None, None
     if x is not None:
-        best = fit(spline, estimate, clock=clock, x=x, free=("offset", "y"))
+        free = ("y",) if measured else ("offset", "y")
+        best = fit(spline, estimate, clock=clock, x=x, free=free)
         clock, y = best.clock, best.y
+        sigma = None if measured else best.sigma("offset")
         middle = int(estimate.t[len(estimate) // 2])
         synchrony = replace(synchrony, clock=clock, offset_s=float(clock.offset_ns(middle)) / NS)
     covered, truth = paired(spline, estimate, clock)
@@ -98,8 +109,8 @@ def prepare(
         x=x,
         y=y,
         anchor_end=None if anchor_s is None else int(moving.t[0]) + round(anchor_s * NS),
-        sitting_y=sitting_y,
         clock_fit=synchrony,
+        offset_sigma_s=sigma,
     )
 
 

@@ -36,6 +36,13 @@ class DeviceRecord(_Record):
     prediction: str = "unknown"
 
 
+class AccuracyRecord(_Record):
+    """How accurate a reference is over the motion's box, and who says so."""
+
+    metres: float
+    source: str
+
+
 class TakeRecord(_Record):
     """One take of the run."""
 
@@ -70,6 +77,7 @@ class RunRecord(_Record):
     sitting: str
     device: DeviceRecord
     references: list[str]
+    accuracy: dict[str, AccuracyRecord] = {}
     seed: int | None = None
     versions: dict[str, str]
     files: dict[str, str] = {}

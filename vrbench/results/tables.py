@@ -49,6 +49,10 @@ class Row:
     def key(self) -> tuple[str, ...]:
         return astuple(self)[: COLUMNS.index("value")]
 
+    def over(self, *columns: str) -> Row:
+        """The row with `all` in these columns of text."""
+        return replace(self, **dict.fromkeys(columns, "all"))  # type: ignore[arg-type]
+
 
 COLUMNS = [field.name for field in fields(Row)]
 _NUMBERS = ("value", "ci_low", "ci_high")
@@ -99,26 +103,33 @@ def _row(cells: dict[str, str]) -> Row:
     return Row(**{**cells, **numbers, "samples": int(cells["samples"])})  # type: ignore[arg-type]
 
 
-def pool(rows: Sequence[Row]) -> list[Row]:
-    """Rows over all mounts and repeats, of those takes' rows that share all else.
+def pool(rows: Sequence[Row], *over: str) -> list[Row]:
+    """Rows over all members of some columns, of those rows that share all other columns.
 
     rmse, mean, std, min, max and sse are those of all samples together; other statistics are not
     pooled, because they don't follow from those of the parts.
+
+    Args:
+        rows: of the parts; those that are `all` in these columns already are passed over.
+        over: the columns, `mount` and `repeat` for a case's takes, `segment` for a take's epochs.
     """
     groups: dict[tuple[str, ...], list[Row]] = defaultdict(list)
     for row in rows:
-        wide = replace(row, mount="all", repeat="all", statistic="")
-        groups[wide.key].append(row)
-    return [row for group in groups.values() for row in _pooled(group)]
+        if not any(getattr(row, column) == "all" for column in over):
+            groups[replace(row.over(*over), statistic="").key].append(row)
+    return [row for group in groups.values() for row in _pooled(group, over)]
 
 
-def _pooled(group: Sequence[Row]) -> Iterable[Row]:
-    takes: dict[tuple[str, str], dict[str, Row]] = defaultdict(dict)
+def _pooled(group: Sequence[Row], over: Sequence[str]) -> Iterable[Row]:
+    parts: dict[tuple[str, ...], dict[str, Row]] = defaultdict(dict)
     for row in group:
-        takes[row.mount, row.repeat][row.statistic] = row
-    parts = [take for take in takes.values() if {"rmse", "mean"} <= take.keys()]
-    sound = [p for p in parts if p["rmse"].value is not None and p["mean"].value is not None]
-    if len(takes) < 2 or len(sound) < len(takes):
+        parts[tuple(getattr(row, column) for column in over)][row.statistic] = row
+    sound = [
+        part
+        for part in parts.values()
+        if all(name in part and part[name].value is not None for name in ("rmse", "mean"))
+    ]
+    if len(parts) < 2 or len(sound) < len(parts):
         return
     n = sum(p["rmse"].samples for p in sound)
     square = sum((p["rmse"].value or 0.0) ** 2 * p["rmse"].samples for p in sound) / n
@@ -137,10 +148,11 @@ def _pooled(group: Sequence[Row]) -> Iterable[Row]:
     for statistic, value in numbers.items():
         if statistic in sound[0]:
             yield replace(
-                sound[0][statistic],
-                mount="all",
-                repeat="all",
+                sound[0][statistic].over(*over),
                 value=value,
+                ci_low=None,
+                ci_high=None,
+                ci_scope="",
                 samples=n,
                 status=worst.status,
                 reason=worst.reason,
