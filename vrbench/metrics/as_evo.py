@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrbench.errors import DataError
-from vrbench.estimation.alignment import align
+from vrbench.errors import DataError, EstimationError
 from vrbench.geometry import Floats, Transform
 from vrbench.metrics.association import associate
-from vrbench.metrics.pairs import find_pairs
+from vrbench.metrics.evo_rounding import alignment, angles_from, matrices, steps, turns
+from vrbench.metrics.pairs import TOLERANCE, Pairs, end_to_end, pairs_by_frames, pairs_by_path
 from vrbench.metrics.pose_errors import ape_rotation, ape_translation, rpe
 from vrbench.metrics.summary import statistics
 from vrbench.trajectory import Stamped
@@ -97,17 +97,60 @@ def compare(reference: Stamped, estimate: Stamped, question: Question) -> Answer
     i, j = associate(reference.t, estimate.t, question.max_diff_s)
     truth, found = reference.pose[i], estimate.pose[j]
     if question.rotation or question.delta is not None:
-        truth, found = _normalised(truth, "reference"), _normalised(found, "estimate")
+        # the matrices are of the quaternions as they stand: another division is another rounding
+        normalised = _normalised(truth, "reference"), _normalised(found, "estimate")
+        m = matrices(found)
+        truth, found = normalised
+    else:
+        found = Transform(found.p, np.tile([0.0, 0.0, 0.0, 1.0], (len(found), 1)))
+        m = matrices(found)
     if question.aligned:
-        found = align(truth.p, found.p) @ found
+        frame = alignment(truth.p, found.p)
+        m = np.matmul(frame, m)
+        found = Transform(m[:, :3, 3], (Transform.from_matrix(frame) @ found).q)
     if question.delta is None:
         ape = ape_rotation if question.rotation else ape_translation
         error = ape(truth, found)
     else:
-        delta = question.delta
-        pairs = find_pairs(found, delta.value, delta.unit, all_pairs=delta.all_pairs)
-        error = rpe(truth, found, pairs)[1 if question.rotation else 0]
+        error = rpe(truth, found, pairs(m, question.delta))[1 if question.rotation else 0]
     return Answer(len(i), np.degrees(error) if question.rotation else error)
+
+
+def pairs(m: Floats, delta: Delta) -> Pairs:
+    """Indices (k,) of the first and of the second poses, of (n, 4, 4), that are a delta apart.
+
+    Raises:
+        EstimationError: there are none.
+    """
+    if delta.unit == "frames":
+        found = pairs_by_frames(len(m), int(delta.value), all_pairs=delta.all_pairs)
+    elif delta.unit == "m":
+        if delta.all_pairs:
+            tolerance = delta.value * TOLERANCE
+            found = pairs_by_path(m[:, :3, 3], delta.value, tolerance, all_pairs=True)
+        else:
+            found = end_to_end(steps(m), delta.value)
+    else:
+        rad, tolerance = delta.value, delta.value * TOLERANCE
+        if delta.unit == "deg":
+            rad, tolerance = float(np.deg2rad(rad)), float(np.deg2rad(tolerance))
+        found = _all_turned(m, rad, tolerance) if delta.all_pairs else end_to_end(turns(m), rad)
+    if len(found[0]) == 0:
+        raise EstimationError(
+            f"no two of {len(m)} poses are {delta.value:g} {delta.unit} apart",
+            fix="a smaller DELTA",
+        )
+    return found
+
+
+def _all_turned(m: Floats, rad: float, tolerance: float) -> Pairs:
+    """Every pair turned by an angle against each other; time goes with the square of the poses."""
+    matches = [
+        np.flatnonzero((angle >= rad - tolerance) & (angle <= rad + tolerance)) + i + 1
+        for i, angle in enumerate(angles_from(m))
+    ]
+    first = np.repeat(np.arange(len(matches)), [len(found) for found in matches])
+    return first, np.concatenate([*matches, np.zeros(0, dtype=np.int64)])
 
 
 def _normalised(pose: Transform, name: str) -> Transform:
