@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
-from vrbench.errors import DataError, EstimationError
+from vrbench.errors import EstimationError
 from vrbench.metrics.registry import Family
-from vrbench.protocols.calibration import Calibration, Verdict, mean_x
+from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import Protocol
-from vrbench.results.bundle import Bundle, TakeRecord
-from vrbench.results.calibrations import write_calibrations
+from vrbench.results.bundle import Bundle
+from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
-from vrbench.results.tables import Row, pool, write_rows
+from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
 from vrbench.scoring import Rules, Scored, score, with_interval
 from vrbench.statistics.uncertainty import intervals
-from vrbench.streams import Columns
+from vrbench.variants import variant_rows
 
 # Told of each take as it is scored: its name, its place, how many there are.
 Tell = Callable[[str, int, int], None]
-
-
-@dataclass(slots=True)
-class _Mount:
-    """The takes of one mount, decoded, and what calibrates them."""
-
-    takes: list[tuple[TakeRecord, Columns]] = field(default_factory=list)
-    calibrations: dict[str, Calibration] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
 
 
 def evaluate(
@@ -49,76 +40,88 @@ def evaluate(
         DataError: a take is gone, altered or unreadable; nothing is written.
     """
     suite = bundle.record.resolved_suite()
-    decoded = [(take, bundle.columns(take)) for take in bundle.record.takes]
-    references = bundle.record.references
     rows: list[Row] = []
     phases: list[PhaseRow] = []
     found: dict[str, list[Calibration]] = {}
-    done, total = 0, len(decoded) * len(references)
-    for reference in references:
+    done = 0
+    for reference in bundle.record.references:
         rules = Rules(bundle.record, suite, families, protocol, reference)
-        mine: list[Row] = []
-        cases: dict[str, list[tuple[Scored, _Mount]]] = defaultdict(list)
-        for mount in _mounts(decoded, protocol, reference).values():
-            found.setdefault(reference, []).extend(mount.calibrations.values())
-            scored: list[Scored] = []
-            for take, columns in mount.takes:
-                tell(take.name, done, total)
-                done += 1
-                own = replace(rules, reference=protocol.reference(columns, reference))
-                scored.append(score(own, take, columns, mount.calibrations, mount.failures))
-                cases[take.case].append((scored[-1], mount))
-            mine += [row for one in scored for row in one.rows]
-            mine += _rows_of_repeats(rules, scored)
-            phases += [row for one in scored for row in phase_rows(one.take, one.whole, reference)]
-        mine += pool(mine, "segment")
-        for case, members in cases.items():
-            mine += _pooled(rules, case, mine, members)
-        rows += mine
-    write_rows(rows, bundle.folder / "metrics" / f"{protocol.name}.csv")
-    write_phases(phases, bundle.folder / "metrics" / f"{protocol.name}.phase.csv")
+        calibrations = {
+            mount: _calibrated(bundle, protocol, reference, mount)
+            for mount in sorted({take.mount for take in bundle.record.takes})
+        }
+        found[reference] = [c for good, _ in calibrations.values() for c in good.values()]
+        groups: dict[tuple[str, str], list[Scored]] = defaultdict(list)
+        for take in bundle.record.takes:
+            tell(take.name, done, len(bundle.record.takes) * len(bundle.record.references))
+            done += 1
+            columns, (good, failures) = bundle.columns(take), calibrations[take.mount]
+            own = replace(rules, reference=protocol.reference(columns, reference))
+            scored = score(own, take, columns, good, failures)
+            variants = variant_rows(own, scored, columns, good)
+            scored = replace(scored, rows=[*scored.rows, *variants])
+            rows += scored.rows
+            phases += phase_rows(take, scored.whole, own.reference)
+            groups[take.case, take.condition].append(scored)
+        for group in groups.values():
+            rows += _rows_of_repeats(rules, group)
+            rows += _pooled(rules, group)
+    table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
+    write_rows(rows, bundle.folder / table)
+    write_phases(phases, bundle.folder / by_phase)
+    bundle.enter(table, by_phase)
     if protocol.calibrate is not None:
-        write_calibrations(bundle.folder / "calibration.json", protocol.name, found)
+        write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
+        bundle.enter(CALIBRATIONS)
     return rows
 
 
-def _mounts(
-    decoded: Iterable[tuple[TakeRecord, Columns]], protocol: Protocol, reference: str
-) -> dict[int, _Mount]:
-    mounts: dict[int, _Mount] = defaultdict(_Mount)
-    for take, columns in decoded:
-        mount = mounts[take.mount]
-        mount.takes.append((take, columns))
-        if take.role == "calibration" and protocol.calibrate is not None:
+def _calibrated(
+    bundle: Bundle, protocol: Protocol, reference: str, mount: int
+) -> tuple[dict[str, Calibration], dict[str, str]]:
+    """The calibrations of a mount by take, and why the others failed."""
+    good: dict[str, Calibration] = {}
+    failures: dict[str, str] = {}
+    if protocol.calibrate is None:
+        return good, failures
+    for take in bundle.record.takes:
+        if take.mount == mount and take.role == "calibration":
             try:
-                mount.calibrations[take.name] = protocol.calibrate(columns, reference, take.name)
-            except (EstimationError, DataError) as error:
-                mount.failures[take.name] = str(error)
-    return mounts
+                good[take.name] = protocol.calibrate(bundle.columns(take), reference, take.name)
+            except EstimationError as error:
+                failures[take.name] = str(error)
+    return good, failures
 
 
-def _rows_of_repeats(rules: Rules, scored: Sequence[Scored]) -> Iterator[Row]:
-    """What only the repeats of a case in one mount tell together."""
-    for case in dict.fromkeys(one.take.case for one in scored):
-        group = [one for one in scored if one.take.case == case and one.whole is not None]
+def _rows_of_repeats(rules: Rules, group: Sequence[Scored]) -> Iterator[Row]:
+    """What only the repeats of a case and condition in one mount tell together."""
+    for mount in dict.fromkeys(one.take.mount for one in group):
+        members = [one for one in group if one.take.mount == mount]
+        takes = [one.whole for one in members if one.whole is not None]
+        worst = min((one.verdict for one in members), key=lambda v: STATUSES.index(v.status))
         for family in rules.families:
-            if family.of_repeats is not None and group:
-                takes = [one.whole for one in group if one.whole is not None]
+            if family.of_repeats is not None and takes:
+                verdict = worst if "x" in family.needs else Verdict()
                 for value in family.of_repeats(takes):
-                    yield replace(rules.row(group[0].take, value, Verdict()), repeat="all")
+                    yield replace(rules.row(members[0].take, value, verdict), repeat="all")
 
 
-def _pooled(
-    rules: Rules, case: str, rows: Sequence[Row], members: Sequence[tuple[Scored, _Mount]]
-) -> list[Row]:
-    """The rows of all takes of a case together, with their intervals."""
-    pooled = pool([row for row in rows if row.case == case], "mount", "repeat")
-    if not pooled or not all(one.models for one, _ in members):
+def _pooled(rules: Rules, group: Sequence[Scored]) -> list[Row]:
+    """The rows of all takes of a case and condition together, with their intervals."""
+    members: dict[Member, str] = {
+        (str(one.take.mount), str(one.take.repeat)): one.verdict.reason
+        if one.verdict.status == "failed"
+        else ""
+        for one in group
+    }
+    rows = [row for one in group for row in one.rows if row.segment == "all"]
+    pooled = pool(rows, ("mount", "repeat"), members)
+    if not pooled or not all(one.models for one in group):
         return pooled
-    covariances = []
-    for one, mount in members:
-        others = [c for name, c in mount.calibrations.items() if name != one.take.name]
-        covariances.append(mean_x(others)[1] if others else None)
-    places = [(rules.record.sitting, str(one.take.mount)) for one, _ in members]
-    found = intervals([one.models for one, _ in members], covariances, places, rules.rng(case))
+    found = intervals(
+        [one.models for one in group],
+        [one.x_covariance for one in group],
+        [(rules.record.sitting, str(one.take.mount)) for one in group],
+        rules.rng(group[0].take.case, group[0].take.condition),
+    )
     return [with_interval(row, found) for row in pooled]

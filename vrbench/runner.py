@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from vrbench.config.rig import SIMULATED, Rig
 from vrbench.config.suite import Step, Suite
+from vrbench.config.yaml_file import as_yaml
 from vrbench.devices.ports import (
     HeadsetProfile,
     Operator,
@@ -24,6 +25,7 @@ from vrbench.motion.motion import Motion, at_speed
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
+    AccuracyRecord,
     Bundle,
     DeviceRecord,
     RunRecord,
@@ -85,6 +87,12 @@ def record_suite(
         ConfigError: the rig lacks what the suite needs, an option is wrong, or the folder exists.
         DeviceError: a device failed. The bundle stays, marked incomplete, with the takes so far.
     """
+    if suite.mover != "robot":
+        raise ConfigError(
+            f"suite {suite.label} is moved by: {suite.mover}",
+            field="mover",
+            fix="this vrbench records suites that a robot moves; import the others' recordings",
+        )
     profile = _profile(rig, rig_name, plugins)
     motions = {name: generate(motion) for name, motion in suite.motions.items()}
     steps = list(suite.schedule())
@@ -99,12 +107,17 @@ def record_suite(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
         references=["robot"],
+        accuracy=_accuracy(rig),
         seed=seed,
         versions=versions(plugins.versions()),
     )
     with ExitStack() as stack:
         devices = _open(rig, rig_name, profile, plugins, seed, stack)
-        bundle = Bundle.create(folder, record, {"rig.json": rig.model_dump_json(indent=1)})
+        inputs = {
+            "suite.yaml": as_yaml(suite.canonical()),
+            "rig.yaml": as_yaml(rig.model_dump(mode="json")),
+        }
+        bundle = Bundle.create(folder, record, inputs)
         mount = 1
         for index, step in enumerate(steps):
             if step.mount != mount:
@@ -114,6 +127,16 @@ def record_suite(
             _record_step(bundle, devices, step, motions[step.case.motion], watcher)
         bundle.finish()
     return bundle
+
+
+def _accuracy(rig: Rig) -> dict[str, AccuracyRecord]:
+    """What the rig states of its references."""
+    stated = {"robot": rig.robot, "mocap": rig.mocap}
+    return {
+        name: AccuracyRecord(metres=device.accuracy.value, source=device.accuracy.source)
+        for name, device in stated.items()
+        if device is not None and device.accuracy is not None
+    }
 
 
 def _profile(rig: Rig, rig_name: str, plugins: Plugins) -> HeadsetProfile:
@@ -192,7 +215,7 @@ def _record_step(
         "prediction": bundle.record.device.prediction,
     }
     path = bundle.take_path(step.name)
-    movement: Iterator[float] = devices.robot.execute(plan)
+    movement = devices.robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
     truth: dict[str, Any] = devices.session.stage.truth
     bundle.write_truth(step.name, truth)
@@ -208,5 +231,6 @@ def _record_step(
             motion_digest=motion.digest,
             speed=case.speed,
             fraction=plan.fraction,
+            stretch=plan.stretch,
         )
     )

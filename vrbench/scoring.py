@@ -8,24 +8,20 @@ from zlib import crc32
 
 import numpy as np
 
-from vrbench.clocks import ClockMap
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError, EstimationError
 from vrbench.geometry import Floats, Transform
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_x
-from vrbench.protocols.protocol import HEADSET, Protocol, headset_samples
+from vrbench.protocols.protocol import HEADSET, Protocol, headset_samples, recorded_span
 from vrbench.results.bundle import RunRecord, TakeRecord
-from vrbench.results.tables import Row
+from vrbench.results.tables import Member, Row, pool
 from vrbench.statistics.bootstrap import Interval
-from vrbench.statistics.floor import noise_floor
-from vrbench.statistics.uncertainty import ErrorModel, Key, error_models, intervals, moved_x
+from vrbench.statistics.floor import floor_values
+from vrbench.statistics.uncertainty import ErrorModel, Key, error_models, intervals
 from vrbench.streams import Columns
 
-FLOOR_DRAWS = 40
-# What a headset whose clock was asked is known to be off by: its poses are on the host's clock.
-ASKED = ClockMap(np.array([0], dtype=np.int64), np.array([0.0]))
 SUFFICIENT = ("ok", "unbracketed", "extrapolated")
 
 
@@ -87,14 +83,18 @@ class Scored:
     Attributes:
         take: its record.
         rows: its rows.
+        verdict: how it counts; `failed` where it could not be scored.
         whole: the take made ready, for what only several takes tell together; None if it failed.
-        models: of its errors, by metric and point; empty where it has several epochs.
+        models: of its errors, by metric and point; empty where it has no X or several epochs.
+        x_covariance: of the X it was scored with.
     """
 
     take: TakeRecord
     rows: Sequence[Row]
+    verdict: Verdict
     whole: ScoredTake | None = None
     models: Mapping[Key, ErrorModel] = field(default_factory=dict)
+    x_covariance: Floats | None = None
 
 
 def score(
@@ -119,19 +119,28 @@ def score(
         whole, parts = _prepared(rules, take, columns, x, covariance)
     except (EstimationError, DataError) as error:
         failed = Verdict("failed", str(error))
-        return Scored(take, [rules.row(take, value, failed) for value in _absent(rules.families)])
-    verdict = _verdict(rules, take, whole, others, failures)
+        rows = [rules.row(take, value, failed) for value in absent_values(rules.families)]
+        return Scored(take, rows, failed)
+    verdict = _verdict(rules, take, columns, whole, calibrations, failures)
     rows = list(_own_rows(rules, take, whole))
     models: Mapping[Key, ErrorModel] = {}
     for segment, part in parts.items():
         found = list(_pose_rows(rules, take, segment, part, verdict))
-        if isinstance(part, ScoredTake) and x is not None:
-            models = error_models(part)
-            found = _with_intervals(rules, found, take.name, models, covariance)
-            found += [rules.row(take, v, verdict) for v in _floor(rules, part)]
+        if isinstance(part, ScoredTake) and part.x is not None:
+            if covariance is not None:
+                models = error_models(part)
+                found = _with_intervals(rules, found, take.name, models, covariance)
+            stated = rules.record.accuracy.get(rules.reference)
+            floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
+            found += [rules.row(take, value, verdict) for value in floor]
         rows += found
-    rows += _variants(rules, take, columns, calibrations, x, verdict)
-    return Scored(take, rows, whole, models if len(parts) == 1 else {})
+    if len(parts) > 1:
+        why: dict[Member, str] = {
+            (segment,): part if isinstance(part, str) else "" for segment, part in parts.items()
+        }
+        rows += pool(rows, ("segment",), why)
+        models = {}
+    return Scored(take, rows, verdict, whole, models, covariance)
 
 
 def _mounting(
@@ -180,27 +189,45 @@ def _epoch(columns: Columns, epoch: int) -> Columns:
 def _own_rows(rules: Rules, take: TakeRecord, whole: ScoredTake) -> Iterator[Row]:
     """What needs no X, of the take as a whole."""
     for family in rules.families:
-        if family.of_take is not None and "x" not in family.needs:
-            for value in family.of_take(whole):
-                yield rules.row(take, value, Verdict())
+        if "x" not in family.needs:
+            yield from family_rows(rules, take, family, whole, Verdict())
 
 
 def _pose_rows(
     rules: Rules, take: TakeRecord, segment: str, part: ScoredTake | str, verdict: Verdict
 ) -> Iterator[Row]:
     """What needs X, of one epoch; where X or the epoch is wanting, why."""
-    families = [f for f in rules.families if f.of_take is not None and "x" in f.needs]
-    if isinstance(part, str):
-        verdict, values = Verdict("failed", part), _absent(families)
-    elif part.x is None:
-        values = _absent(families)
-    else:
-        values = (value for f in families if f.of_take is not None for value in f.of_take(part))
-    for value in values:
-        yield rules.row(take, replace(value, segment=segment), verdict)
+    for family in rules.families:
+        if "x" not in family.needs:
+            continue
+        if isinstance(part, ScoredTake) and part.x is not None:
+            yield from family_rows(rules, take, family, part, verdict)
+        else:
+            failed = Verdict("failed", part) if isinstance(part, str) else verdict
+            for value in absent_values([family]):
+                yield rules.row(take, replace(value, segment=segment), failed)
 
 
-def _absent(families: Sequence[Family]) -> Iterator[Value]:
+def family_rows(
+    rules: Rules, take: TakeRecord, family: Family, part: ScoredTake, verdict: Verdict
+) -> list[Row]:
+    """A family's rows. One that fails, a plugin's perhaps, costs its own rows and no others."""
+    if family.of_take is None:
+        return []
+    try:
+        values = [replace(value, segment=part.segment) for value in family.of_take(part)]
+        odd = next((v for v in values if v.value is not None and not np.isfinite(v.value)), None)
+        if odd is not None:
+            raise ValueError(f"{odd.metric} {odd.statistic} is {odd.value}")
+    except EstimationError as error:
+        verdict, values = Verdict("skipped", str(error)), list(absent_values([family]))
+    except Exception as error:
+        why = f"metric {family.name} failed: {type(error).__name__}: {error}"
+        verdict, values = Verdict("failed", why), list(absent_values([family]))
+    return [rules.row(take, value, verdict) for value in values]
+
+
+def absent_values(families: Sequence[Family]) -> Iterator[Value]:
     """One value without a number for each metric, to carry the reason."""
     for family in families:
         if family.of_take is not None:
@@ -228,101 +255,35 @@ def with_interval(row: Row, found: Mapping[tuple[str, str, str], Interval]) -> R
     return replace(row, ci_low=interval.low, ci_high=interval.high, ci_scope=interval.scope)
 
 
-def _floor(rules: Rules, part: ScoredTake) -> Iterator[Value]:
-    """The noise floor at both points, with its terms; the total only where all are known."""
-    accuracy = rules.record.accuracy.get(rules.reference)
-    if part.x is None or part.x_covariance is None or part.offset_sigma_s is None:
-        return
-    rng = rules.rng("floor")
-    draws = moved_x(
-        part.x,
-        rng.multivariate_normal(np.zeros(6), part.x_covariance, FLOOR_DRAWS, method="eigh"),
-    )
-    for point in ("eye", "tcp"):
-        floor = noise_floor(
-            part.reference,
-            part.x,
-            draws,
-            point,
-            reference_accuracy_m=accuracy.metres if accuracy else 0.0,
-            offset_sigma_s=part.offset_sigma_s,
-        )
-        terms: dict[str, float | None] = {
-            "x": floor.x,
-            "offset": floor.offset,
-            "interpolation": floor.interpolation,
-            "reference": floor.reference if accuracy else None,
-            "total": floor.total if accuracy else None,
-        }
-        unknown = f"the accuracy of the {rules.reference} is not stated in the rig"
-        for name, metres in terms.items():
-            yield Value(
-                f"floor.{name}",
-                "value",
-                None if metres is None else metres * 1e3,
-                "mm",
-                len(part.estimate),
-                point=point,
-                segment=part.segment,
-                reason=unknown if metres is None else "",
-            )
-
-
 def _verdict(
     rules: Rules,
     take: TakeRecord,
+    columns: Columns,
     scored: ScoredTake,
-    others: Sequence[Calibration],
+    calibrations: Mapping[str, Calibration],
     failures: Mapping[str, str],
 ) -> Verdict:
-    """What the gate says. A calibration take is bracketed by its agreement with the others."""
+    """What the gate says of a take, and which calibrations it had to do without."""
     if rules.protocol.given_x is not None:
         return Verdict()
-    if not others and take.role == "calibration" and take.name not in failures:
+    own = calibrations.get(take.name)
+    others = [c for c in calibrations.values() if c is not own]
+    told = "; ".join(f"{name}: {why}" for name, why in failures.items() if name != take.name)
+    if not others and take.role == "calibration" and not told:
         return Verdict("skipped", "no other calibration of this mount to score it with")
-    if not others and failures:
-        told = "; ".join(f"{name}: {why}" for name, why in failures.items())
+    if not others and told:
         return Verdict("invalid", f"no calibration of this mount succeeded: {told}")
+    if not others and "x" not in rules.suite.case(take.case).needs:
+        return Verdict("skipped", "no calibration in this mount, and the case asks for none")
     bounds = rules.suite.gate
     limits = Limits(
-        bounds.handeye_translation, bounds.handeye_rotation, bounds.max_age, bounds.bracket
+        translation_m=bounds.handeye_translation,
+        rotation_rad=bounds.handeye_rotation,
+        max_age_s=bounds.max_age,
+        bracket_m=bounds.bracket,
     )
-    start, end = int(scored.reference.t[0]), int(scored.reference.t[-1])
-    verdict = gate(others, start, end, scored.truth, limits)
-    if take.role == "calibration" and verdict.status == "unbracketed":
-        return Verdict()
+    began, ended = recorded_span(columns, rules.reference)
+    verdict = gate(others, own, began, ended, scored.truth, limits)
+    if told and verdict.status != "ok":
+        return Verdict(verdict.status, f"{verdict.reason}; failed: {told}")
     return verdict
-
-
-def _variants(
-    rules: Rules,
-    take: TakeRecord,
-    columns: Columns,
-    calibrations: Mapping[str, Calibration],
-    x: Transform | None,
-    verdict: Verdict,
-) -> list[Row]:
-    """APE with X fitted on this very take, and at the clock that the headset itself told."""
-    ape = next((f.of_take for f in rules.families if f.name == "ape"), None)
-    calibrate = rules.protocol.calibrate
-    if ape is None or calibrate is None or len(headset_samples(columns).epochs) > 1:
-        return []
-    anchor_s = rules.suite.case(take.case).anchor
-    prepared: dict[str, tuple[ScoredTake, Verdict]] = {}
-    try:
-        own = calibrations.get(take.name) or calibrate(columns, rules.reference, take.name)
-        best = rules.protocol.prepare(columns, rules.reference, own.x, anchor_s=anchor_s)
-        prepared["in-sample"] = best, Verdict()
-        if x is not None and "headset" in columns.clocks:
-            told = rules.protocol.prepare(
-                columns, rules.reference, x, anchor_s=anchor_s, measured=ASKED
-            )
-            prepared["fixed-offset"] = told, verdict
-    except (EstimationError, DataError):
-        # A motion that can't calibrate has no in-sample number; its own rows stand without.
-        pass
-    return [
-        rules.row(take, replace(value, variant=variant), ruling)
-        for variant, (scored, ruling) in prepared.items()
-        for value in ape(scored)
-    ]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vrbench.clocks import Exchanges
-from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs
+from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs, quat_normalize
 from vrbench.trajectory import Trajectory
 
 
@@ -104,7 +104,7 @@ class Samples:
         keep = np.flatnonzero(self.good)
         t, first = np.unique(self.pose_t[keep], return_index=True)
         pose = self.pose[keep[first]]
-        return Trajectory(t, Transform(pose.p, continuous_signs(pose.q)))
+        return Trajectory(t, Transform(pose.p, continuous_signs(quat_normalize(pose.q))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

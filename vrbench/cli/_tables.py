@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -19,34 +20,42 @@ def console(*, err: bool = False) -> Console:
     """The terminal; text that goes to a file or a pipe is given room for whole lines."""
     from rich.console import Console
 
-    plain = Console(stderr=err)
-    return plain if plain.is_terminal else Console(stderr=err, width=160)
+    # What users write, `[lab]` say, is text and no markup.
+    plain = Console(stderr=err, markup=False, highlight=False)
+    if plain.is_terminal or "COLUMNS" in os.environ:
+        return plain
+    return Console(stderr=err, width=160, markup=False, highlight=False)
 
 
 def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Prints a table; columns whose header ends in a space are aligned to the right."""
+    """Prints a table.
+
+    A header that ends in a space makes a column of numbers: aligned to the right and never cut.
+    """
     from rich import box
     from rich.table import Table
 
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
     for name in header:
-        table.add_column(name.strip(), justify="right" if name.endswith(" ") else "left")
+        number = name.endswith(" ")
+        table.add_column(name.strip(), justify="right" if number else "left", no_wrap=number)
     for row in rows:
         table.add_row(*row)
     console().print(table)
 
 
-# The headline numbers of a take: column, metric, point, statistic.
+# The headline numbers of a take: column, metric, point, statistic; the first five fit anywhere.
+_NARROW = 120
 _HEADLINES = (
     ("ape eye mm ", "ape.translation.aligned", "eye", "rmse"),
-    ("max ", "ape.translation.aligned", "eye", "max"),
     ("ape tcp mm ", "ape.translation.aligned", "tcp", "rmse"),
     ("ape deg ", "ape.rotation.aligned", "eye", "rmse"),
+    ("offset ms ", "clock.offset", "", "value"),
+    ("valid % ", "coverage.valid", "", "value"),
+    ("max mm ", "ape.translation.aligned", "eye", "max"),
     ("rpe 1 s mm ", "rpe.translation@1s", "eye", "rmse"),
     ("scale ", "scale", "eye", "value"),
-    ("offset ms ", "clock.offset", "", "value"),
     ("rate Hz ", "timing.rate", "", "value"),
-    ("valid % ", "coverage.valid", "", "value"),
 )
 
 
@@ -54,21 +63,26 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
     """The headline numbers of each take and of all together; `table` is the file with the rest."""
     from vrbench.results.tables import STATUSES
 
-    takes: dict[tuple[str, str, str, str], dict[tuple[str, ...], Row]] = {}
+    takes: dict[tuple[str, str, str, str, str], dict[tuple[str, ...], Row]] = {}
     for row in rows:
         if row.variant == "main" and row.band == "all" and row.segment == "all":
-            take = takes.setdefault((row.reference, row.case, row.mount, row.repeat), {})
+            place = (row.reference, row.case, row.condition, row.mount, row.repeat)
+            take = takes.setdefault(place, {})
             take[row.metric, row.point, row.statistic] = row
+    headlines = _HEADLINES if console().width >= _NARROW else _HEADLINES[:5]
     lines = []
-    for (_, case, mount, repeat), numbers in takes.items():
-        cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in _HEADLINES]
+    several = len({row.reference for row in rows}) > 1
+    for (reference, case, condition, mount, repeat), numbers in takes.items():
+        cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in headlines]
         if not any(cells):
             continue
-        place = [case, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
+        named = case if condition == "default" else f"{case} {condition}"
+        named += f" by {reference}" if several else ""
+        line = [named, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
         shown = ["" if row is None else _number(row.value) for row in cells]
         status = min((r.status for r in numbers.values()), key=STATUSES.index)
-        lines.append([*place, *shown, "ok" if status == "skipped" else status])
-    header = ["case", "take", *(name for name, *_ in _HEADLINES), "status"]
+        lines.append([*line, *shown, "ok" if status == "skipped" else status])
+    header = ["case", "take", *(name for name, *_ in headlines), "status"]
     show_table("Metrics", header, lines)
     click.echo(f"all {len(rows)} numbers: {table}")
 
@@ -77,13 +91,17 @@ def show_boards(boards: Sequence[Board]) -> None:
     """Every board, best device first, and why those without a rank have none."""
     for board in boards:
         key = board.key
+        what = "simulated devices" if key.simulated else "recorded devices"
+        condition = "" if key.condition == "default" else f" ({key.condition})"
         title = (
-            f"Leaderboard: {key.suite}, {key.case} by {key.motion}, speed {key.speed:g}, "
-            f"{board.metric}\nprotocol {key.protocol}, reference {key.reference}, "
-            f"suite {key.suite_digest[:8]}, motion {key.motion_digest[:8]}"
+            f"Leaderboard of {what}: {key.suite}, {key.case}{condition} by {key.motion}, "
+            f"speed {key.speed:g}\n{board.metric}, protocol {key.protocol}, "
+            f"reference {key.reference}, suite {key.suite_digest[:8]}, "
+            f"motion {key.motion_digest[:8]}"
         )
         unit = next((entry.unit for entry in board.entries if entry.unit), "")
-        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "takes ", "mounts ", "valid % "]
+        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "95 % ", "floor "]
+        header += ["takes ", "mounts ", "valid % ", "status"]
         rows = [
             [
                 "-" if e.rank is None else str(e.rank),
@@ -91,15 +109,19 @@ def show_boards(boards: Sequence[Board]) -> None:
                 e.lab,
                 e.firmware,
                 _number(e.value),
+                "" if e.low is None else f"{_number(e.low)}-{_number(e.high)}",
+                _number(e.floor),
                 str(e.takes),
                 str(e.mounts),
                 _number(e.coverage),
                 e.status,
-                e.reason,
             ]
             for e in board.entries
         ]
-        show_table(title, [*header, "status", "why"], rows)
+        show_table(title, header, rows)
+        for entry in board.entries:
+            if entry.reason:
+                click.echo(f"{entry.device} of {entry.lab} has no rank: {entry.reason}")
 
 
 def _state(row: Row) -> str:
@@ -119,11 +141,11 @@ def bar(what: str) -> Iterator[Any]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn(what),
+        TextColumn(what.replace("{", "{{").replace("}", "}}"), markup=False),
         BarColumn(bar_width=30),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
     )
     with Progress(*columns, console=console(err=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)

@@ -30,13 +30,12 @@ def list_() -> None:
 @click.argument("suite")
 def show(suite: str) -> None:
     """Print SUITE with all it extends resolved, its digest, and its takes in order."""
-    import yaml
-
     from vrbench.config.suite import load_suite
+    from vrbench.config.yaml_file import as_yaml
     from vrbench.plugin.manager import Plugins
 
     found = load_suite(suite, dict(Plugins().suites))
-    click.echo(yaml.safe_dump(found.canonical(), sort_keys=False).rstrip())
+    click.echo(as_yaml(found.canonical()).rstrip())
     click.echo(f"# digest: {found.digest}")
     for step in found.schedule():
         click.echo(f"# take: {step.name}, {found.motions[step.case.motion]}")
@@ -48,12 +47,11 @@ def check(suite: str) -> None:
     """Say whether SUITE, a file or a name, can be run: its fields, motions and metrics."""
     from vrbench.config.suite import load_suite
     from vrbench.motion.generators import generate
-    from vrbench.plugin.manager import Plugins, pick
+    from vrbench.plugin.manager import Plugins, families_of
 
     plugins = Plugins()
     found = load_suite(suite, dict(plugins.suites))
     for motion in found.motions.values():
         generate(motion)
-    for metric in found.metrics:
-        pick(plugins.metrics, metric, "metric", field="metrics", file=suite)
+    families_of(found, plugins, suite)
     click.echo(f"{found.label} is sound: {sum(1 for _ in found.schedule())} takes")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from vrbench.config.rig import Accuracy
 from vrbench.config.suite import Name
 from vrbench.config.yaml_file import load_model
 
@@ -50,10 +51,10 @@ class RecordedTake(_Strict):
     """
 
     case: Name
-    mount: int = Field(1, ge=1)
-    repeat: int = Field(1, ge=1)
+    mount: int = Field(1, ge=1, le=1000)
+    repeat: int = Field(1, ge=1, le=1000)
     motion: str | None = None
-    speed: float = Field(1.0, gt=0.0, le=10.0)
+    speed: float = Field(1.0, ge=0.05, le=10.0)
     headset: Source
     robot: Source | None = None
     mocap: Source | None = None
@@ -91,6 +92,7 @@ class Recordings(_Strict):
     lab: str = Field(min_length=1)
     device: DeviceFacts
     sitting: str = "1"
+    accuracy: dict[Literal["robot", "mocap"], Accuracy] = {}
     takes: tuple[RecordedTake, ...] = Field(min_length=1)
 
     @model_validator(mode="after")

@@ -16,6 +16,7 @@ from vrbench.streams import Columns, Samples
 from vrbench.trajectory import Trajectory
 
 HEADSET = "headset/eye"
+# The streams that count as truth, by what suites call them.
 REFERENCES = {"robot": "robot/tcp", "mocap": "mocap/"}
 
 
@@ -79,18 +80,32 @@ def headset_samples(columns: Columns) -> Samples:
 
 
 def reference_samples(columns: Columns, reference: str) -> Samples:
-    """All samples of the stream that counts as truth: `robot`, `mocap`, or another `robot_NAME`.
+    """The stream that counts as truth: `robot`, `mocap`, or another robot's log `robot_NAME`.
 
     Raises:
-        DataError: the take has none.
+        DataError: the take has none, or several bodies of motion capture.
     """
     wanted = REFERENCES.get(reference, f"{reference}/tcp")
-    for stream, samples in columns.poses.items():
-        if stream.startswith(wanted):
-            return samples
-    raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")
+    found = [stream for stream in columns.poses if stream.startswith(wanted)]
+    if not found:
+        raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")
+    if len(found) > 1:
+        raise DataError(
+            f"the take has several references: {', '.join(found)}",
+            fix="record the body that carries the headset alone",
+        )
+    return columns.poses[found[0]]
 
 
 def reference_trajectory(columns: Columns, reference: str) -> Trajectory:
-    """The good poses of the stream that counts as truth; raises as `reference_samples`."""
+    """The good poses of `reference_samples`."""
     return reference_samples(columns, reference).trajectory()
+
+
+def recorded_span(columns: Columns, reference: str) -> tuple[int, int]:
+    """When the reference's samples arrived, first and last, by the recorder's clock [ns].
+
+    It orders the takes of a mount even where a device's own clock started anew.
+    """
+    received = reference_samples(columns, reference).receive_t
+    return int(received.min()), int(received.max())
