@@ -1,4 +1,4 @@
-"""Weighted normal equations of the model, with or without a slow drift of the world's frame."""
+"""Normal equations of the model: of samples taken as independent, and whitened in bins."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.estimation.model import Model, State
+from vrbench.estimation.noise import BIN_S, LEAST_WEIGHT, Noise, estimate_noise
 from vrbench.estimation.robust import bisquare, scale_of
-from vrbench.geometry import Floats
+from vrbench.geometry import Bools, Floats
 
 # Wide, so that the heavy tails of real tracking count almost in full, yet jumps not at all: under
 # a scale that is free, even a little weight of a jump shrinks it.
 CUT = 15.0
-BIN_S = 0.1
-# How much of a slow residual stays with the parameters when drift is allowed.
-DRIFT_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,94 +24,107 @@ class Normal:
     Attributes:
         bread: inverse of the weighted normal matrix (k, k).
         gradient: half the gradient of the cost (k,).
-        translation: residuals (n, 3) [m].
-        rotation: residuals (n, 3) [rad].
     """
 
     bread: Floats
     gradient: Floats
-    translation: Floats
-    rotation: Floats
-    _pairs: tuple[_Kind, _Kind]
-    _hats: Floats | None
-
-    def scores(self, model: Model, state: State) -> Floats:
-        """The gradient's parts (b, k) by bins of `BIN_S`, for `block_covariance`."""
-        bins = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
-        scores = np.zeros((int(bins[-1]) + 1, len(model.names)))
-        for part in model.chunks():
-            p, r, d_p, d_r = model.linearised(state, part)
-            for kind, residual, d in zip(self._pairs, (p, r), (d_p, d_r), strict=True):
-                weight = kind.weight[part]
-                if self._hats is not None:
-                    d = d - np.einsum("nh,chk->nck", self._hats[part], kind.slow)
-                each = np.einsum("nck,nc->nk", d, np.nan_to_num(residual) * weight[:, None])
-                np.add.at(scores, bins[part], np.where(weight[:, None] > 0.0, each, 0.0))
-        return scores
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Kind:
-    """Translation or rotation: weights (n,), slow part of the derivatives (3, h, k)."""
+class Binned:
+    """A residual with three axes and its derivatives, as robust means over bins of `BIN_S`.
 
-    weight: Floats
-    slow: Floats
-
-
-def drift_hats(model: Model, drift_s: float | None) -> Floats | None:
-    """Piecewise-linear functions of time (n, h), knots half of `drift_s` apart.
-
-    None if no drift is wanted, or if the take is too short to tell drift from motion.
+    Attributes:
+        residual: (b, 3).
+        derivative: (b, 3, k).
+        known: bins with samples enough (b,).
     """
-    first, last = model.since_middle[0], model.since_middle[-1]
-    if drift_s is None or last - first < 2.0 * drift_s:
-        return None
-    knots = np.linspace(first, last, int(np.ceil((last - first) / (0.5 * drift_s))) + 1)
-    return np.stack([np.interp(model.since_middle, knots, hat) for hat in np.eye(len(knots))], 1)
+
+    residual: Floats
+    derivative: Floats
+    known: Bools
+
+    def moved(self, step: Floats) -> Binned:
+        """The same after a small step (k,) in the parameters."""
+        return Binned(self.residual + self.derivative @ step, self.derivative, self.known)
+
+    def noise(self, root: Floats) -> Noise:
+        """The noise in it, given a root (k, k) of the parameters' covariance."""
+        return estimate_noise(self.residual, self.known, self.derivative @ root)
 
 
-def normal_equations(
-    model: Model, state: State, hats: Floats | None, information: Floats, pull: Floats
-) -> Normal:
-    """The equations at a state.
-
-    With `hats` (n, h) the world's frame drifts by small piecewise-linear amounts, which are
-    eliminated: a mixed model, in which `DRIFT_SHARE` sets the drift's variance.
+def normal_equations(model: Model, state: State, information: Floats, pull: Floats) -> Normal:
+    """The equations at a state, every sample taken as independent of all others.
 
     Args:
         information: of a Gaussian prior on the parameters (k, k).
         pull: the prior's part of the gradient (k,).
     """
-    translation, rotation = model.residuals(state)
-    weights = (_weights(translation), _weights(rotation))
-    k, h = len(model.names), 0 if hats is None else hats.shape[1]
+    weights = [_weights(residual) for residual in model.residuals(state)]
     matrix, gradient = information.copy(), pull.copy()
-    inner = np.zeros((2, h, h))
-    mixed, slow_residual = np.zeros((2, 3, h, k)), np.zeros((2, 3, h))
+    k = len(model.names)
     for part in model.chunks():
         p, r, d_p, d_r = model.linearised(state, part)
-        for i, (residual, derivative) in enumerate(((p, d_p), (r, d_r))):
-            on = weights[i][part] > 0.0
-            weight, d, e = weights[i][part][on], derivative[on], residual[on]
-            weighted = d * weight[:, None, None]
+        for weight, residual, derivative in zip(weights, (p, r), (d_p, d_r), strict=True):
+            on = weight[part] > 0.0
+            d, e = derivative[on], residual[on]
+            weighted = d * weight[part][on][:, None, None]
             matrix += weighted.reshape(-1, k).T @ d.reshape(-1, k)
             gradient += np.einsum("nck,nc->k", weighted, e)
-            if hats is not None:
-                b = hats[part][on]
-                inner[i] += (b * weight[:, None]).T @ b
-                mixed[i] += np.stack([b.T @ weighted[:, c] for c in range(3)])
-                slow_residual[i] += (e * weight[:, None]).T @ b
-    kinds = []
-    for i in range(2):
-        slow = np.zeros((3, h, k))
-        if hats is not None:
-            ridge = DRIFT_SHARE / (1.0 - DRIFT_SHARE) * np.trace(inner[i]) / h
-            slow = np.linalg.solve(inner[i] + ridge * np.eye(h), mixed[i])
-            matrix -= np.einsum("chk,chl->kl", mixed[i], slow)
-            gradient -= np.einsum("chk,ch->k", slow, slow_residual[i])
-        kinds.append(_Kind(weights[i], slow))
-    bread = _inverse(matrix, model.names)
-    return Normal(bread, gradient, translation, rotation, (kinds[0], kinds[1]), hats)
+    return Normal(_inverse(matrix, model.names), gradient)
+
+
+def binned(model: Model, state: State) -> tuple[Binned, Binned]:
+    """Translation and rotation at a state, in bins."""
+    weights = [_weights(residual) for residual in model.residuals(state)]
+    bins = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
+    count, k = int(bins[-1]) + 1, len(model.names)
+    sums = [np.zeros((count, 1 + 3 + 3 * k)) for _ in weights]
+    for part in model.chunks():
+        p, r, d_p, d_r = model.linearised(state, part)
+        starts = np.flatnonzero(np.diff(bins[part], prepend=-1))
+        for total, weight, e, d in zip(sums, weights, (p, r), (d_p, d_r), strict=True):
+            w = weight[part, None]
+            columns = np.concatenate((np.ones_like(w), e, d.reshape(len(e), -1)), axis=1)
+            columns = np.where(w > 0.0, w * columns, 0.0)
+            total[bins[part][starts]] += np.add.reduceat(columns, starts, axis=0)
+    found = []
+    for total in sums:
+        weight = total[:, 0]
+        known = weight > LEAST_WEIGHT * np.median(weight[weight > 0.0])
+        mean = np.where(known[:, None], total / np.where(known, weight, 1.0)[:, None], 0.0)
+        found.append(Binned(mean[:, 1:4], mean[:, 4:].reshape(-1, 3, k), known))
+    return found[0], found[1]
+
+
+def whitened_equations(
+    parts: tuple[Binned, Binned],
+    noises: tuple[Noise, Noise],
+    names: tuple[str, ...],
+    information: Floats,
+    pull: Floats,
+) -> tuple[Normal, Floats]:
+    """The equations in bins under the given noises, and the scores (c, k), for the covariance.
+
+    Args:
+        parts: translation and rotation.
+        noises: of each.
+        names: of the parameters.
+        information: as in `normal_equations`.
+        pull: as in `normal_equations`.
+    """
+    k = len(names)
+    matrix, gradient = information.copy(), pull.copy()
+    scores = np.zeros((len(parts[0].known), k))
+    for part, noise in zip(parts, noises, strict=True):
+        rows = noise.rows(part.known)
+        d = noise.whitened(part.derivative, rows)
+        e = noise.whitened(part.residual, rows)
+        matrix += d.reshape(-1, k).T @ d.reshape(-1, k)
+        each = np.einsum("nck,nc->nk", d, e)
+        gradient += each.sum(axis=0)
+        scores[rows] += each
+    return Normal(_inverse(matrix, names), gradient), scores
 
 
 def _weights(residual: Floats) -> Floats:
