@@ -36,6 +36,7 @@ MARGIN_NS = 20_000_000
 CONVERGED = 1e-4
 # The noise is estimated anew at every step, which settles slowly, and far below what matters.
 SETTLED = 1e-2
+NOISE_TURNS = 3
 # Steps are held to where the linearisation is good.
 LARGEST_STEP = {"offset": 0.05, "skew": 1e-3, "r": 0.2, "p": 0.5, "scale": 0.1}
 WORST_OFFSET_SIGMA_S = 0.05
@@ -193,20 +194,16 @@ def _generalised(
     """
     names = model.names
     root = np.zeros((len(names), len(names)))
-    for _ in range(MAX_ITERATIONS):
-        parts, start = binned(model, state), state
-        moved = np.zeros(len(names))
-        for _ in range(MAX_ITERATIONS):
-            here = (parts[0].moved(moved), parts[1].moved(moved))
-            noises = (here[0].noise(root), here[1].noise(root))
-            terms = prior.terms(names, state)
-            normal, scores = whitened_equations(here, noises, names, *terms)
-            step = -normal.bread @ normal.gradient
-            root = np.linalg.cholesky(normal.bread)
-            moved, state = moved + step, start.moved(names, moved + step)
-            if np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(normal.bread))):
-                break
-        if np.all(np.abs(moved) < SETTLED * np.sqrt(np.diag(normal.bread))):
+    for turn in range(MAX_ITERATIONS):
+        parts = binned(model, state)
+        if turn < NOISE_TURNS:
+            noises = (parts[0].noise(root), parts[1].noise(root))
+        terms = prior.terms(names, state)
+        normal, scores = whitened_equations(parts, noises, names, *terms)
+        step = -normal.bread @ normal.gradient
+        root = np.linalg.cholesky(normal.bread)
+        state = state.moved(names, step)
+        if turn >= NOISE_TURNS - 1 and np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(normal.bread))):
             return state, normal.bread, scores, noises
     raise EstimationError(
         f"the fit did not converge in {MAX_ITERATIONS} steps",

@@ -18,7 +18,7 @@ from vrbench.geometry import Bools, Floats, Ints
 # vibrates, and logs of 30 Hz can't tell.
 BIN_S = 0.1
 # How far back a prediction looks, in bins.
-MEMORY = 20
+MEMORY = 5
 # A bin with less than this part of the usual weight is unknown.
 LEAST_WEIGHT = 0.3
 ROWS_A_LAG = 20
