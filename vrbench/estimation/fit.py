@@ -14,8 +14,7 @@ from vrbench.estimation.excitation import check_excitation
 from vrbench.estimation.handeye import solve_world
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.model import PARAMETERS, Model, State
-from vrbench.estimation.noise import Noise
-from vrbench.estimation.normal import binned, normal_equations, whitened_equations
+from vrbench.estimation.normal import binned, drift_hats, general_equations, normal_equations
 from vrbench.geometry import (
     Bools,
     Floats,
@@ -37,6 +36,8 @@ CONVERGED = 1e-4
 # The noise is estimated anew at every step, which settles slowly, and far below what matters.
 SETTLED = 1e-2
 NOISE_TURNS = 3
+# A headset's world drifts against the room, and X would follow: what lasts longer counts little.
+DRIFT_S = 40.0
 # Steps are held to where the linearisation is good.
 LARGEST_STEP = {"offset": 0.05, "skew": 1e-3, "r": 0.2, "p": 0.5, "scale": 0.1}
 WORST_OFFSET_SIGMA_S = 0.05
@@ -137,7 +138,7 @@ def fit(
         rigid = Model(spline, clock, used, _names(set(free) - {"scale"}))
         state = _iterate(rigid, state, prior, tolerance=0.1)
     state = _iterate(model, state, prior)
-    state, covariance, scores, noises = _generalised(model, state, prior)
+    state, covariance = _generalised(model, state, prior)
     _refuse_undetermined(names, covariance, state, max_offset_change_s)
     return _result(model, clock, state, covariance, used)
 
@@ -184,28 +185,33 @@ def _skew_prior(model: Model, clock: ClockMap, used: Trajectory) -> _Prior:
     return _Prior(-float(np.diff(ends)[0] / np.diff(used.t[[0, -1]])[0]), SKEW_PRIOR**-2)
 
 
-def _generalised(
-    model: Model, state: State, prior: _Prior
-) -> tuple[State, Floats, Floats, tuple[Noise, Noise]]:
-    """From the robust minimum on to that of generalised least squares.
+def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floats]:
+    """From the robust minimum on: state and covariance (k, k) under the noise the residuals show.
 
-    Returns:
-        state, inverse of the normal matrix (k, k), scores by bins (b, k), noises.
+    The noise is estimated `NOISE_TURNS` times and then kept. To go on until it settles isn't safe:
+    what the motion leaves open would count as noise, and leave more open.
     """
     names = model.names
     root = np.zeros((len(names), len(names)))
     for turn in range(MAX_ITERATIONS):
-        parts = binned(model, state)
+        translation, rotation = binned(model, state)
         if turn < NOISE_TURNS:
-            noises = (parts[0].noise(root), parts[1].noise(root))
-        terms = prior.terms(names, state)
-        normal, scores = whitened_equations(parts, noises, names, *terms)
+            noises = (translation.noise(root), rotation.noise(root))
+            hats = drift_hats(len(rotation.known), DRIFT_S) if "x.rx" in names else None
+        normal, covariance = general_equations(
+            translation, rotation, noises, names, hats, *prior.terms(names, state)
+        )
         step = -normal.bread @ normal.gradient
-        root = np.linalg.cholesky(normal.bread)
         state = state.moved(names, step)
-        if turn >= NOISE_TURNS - 1 and np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(normal.bread))):
-            return state, normal.bread, scores, noises
-    raise EstimationError(
+        sigma = np.sqrt(np.diag(covariance))
+        if turn >= NOISE_TURNS and np.all(np.abs(step) < SETTLED * sigma):
+            return state, covariance
+        root = np.linalg.cholesky(covariance)
+    raise _no_convergence()
+
+
+def _no_convergence() -> EstimationError:
+    return EstimationError(
         f"the fit did not converge in {MAX_ITERATIONS} steps",
         fix="are clock, X and both streams of the same recording?",
     )
@@ -222,10 +228,7 @@ def _iterate(
         if np.all(np.abs(step) < tolerance * np.sqrt(np.diag(normal.bread))):
             return state
         state = state.moved(model.names, step / max(float(np.max(np.abs(step) / limits)), 1.0))
-    raise EstimationError(
-        f"the fit did not converge in {MAX_ITERATIONS} steps",
-        fix="are clock, X and both streams of the same recording?",
-    )
+    raise _no_convergence()
 
 
 def _refuse_undetermined(

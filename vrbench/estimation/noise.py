@@ -50,6 +50,18 @@ class Noise:
         return whitened
 
 
+    def scattered(self, values: Floats) -> Floats:
+        """The covariance (k, k) of values (b, 3, k) times such noise, summed over bins and axes."""
+        size = 1 << int(np.ceil(np.log2(2 * len(values))))
+        filtered = np.fft.rfft(np.concatenate(([1.0], -self.coefficients)), size)
+        density = self.variance / np.abs(filtered) ** 2
+        # real sequences: all frequencies but the first and the last stand for two
+        density[1:-1] *= 2.0
+        parts = np.fft.rfft(values, size, axis=0)
+        total: Floats = np.einsum("fck,f,fcl->kl", parts, density, parts.conj(), optimize=True).real
+        return total / size
+
+
 def with_past(known: Bools, lags: int) -> Ints:
     """Which bins (c,) of known (b,) are known, and so many before each as well."""
     run = np.cumsum(known)

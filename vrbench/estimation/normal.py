@@ -15,6 +15,8 @@ from vrbench.geometry import Bools, Floats
 # Wide, so that the heavy tails of real tracking count almost in full, yet jumps not at all: under
 # a scale that is free, even a little weight of a jump shrinks it.
 CUT = 15.0
+# How much of a slow residual stays with the parameters when drift is allowed.
+DRIFT_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,34 +99,74 @@ def binned(model: Model, state: State) -> tuple[Binned, Binned]:
     return found[0], found[1]
 
 
-def whitened_equations(
-    parts: tuple[Binned, Binned],
+def general_equations(
+    translation: Binned,
+    rotation: Binned,
     noises: tuple[Noise, Noise],
     names: tuple[str, ...],
+    hats: Floats | None,
     information: Floats,
     pull: Floats,
 ) -> tuple[Normal, Floats]:
-    """The equations in bins under the given noises, and the scores (c, k), for the covariance.
+    """The equations in bins under the noise that both kinds show, and the covariance (k, k).
+
+    Rotation is whitened. Translation isn't: on recordings its error is not one noise at all times
+    but moves with the motion (the headset's scale alone differs by 1 % from one minute to the
+    next), and whitening, which takes for exact what is quick, made X worse there. It is fitted
+    with equal weights, freed of slow drift, and as a whole is worth what its noise lets it be; the
+    covariance is that of this estimate under the noise, not that of the best one.
 
     Args:
-        parts: translation and rotation.
-        noises: of each.
+        translation: residuals and derivatives.
+        rotation: the same.
+        noises: of both.
         names: of the parameters.
+        hats: functions of time (b, h) that a drift of the world is made of, or None.
         information: as in `normal_equations`.
         pull: as in `normal_equations`.
     """
     k = len(names)
-    matrix, gradient = information.copy(), pull.copy()
-    scores = np.zeros((len(parts[0].known), k))
-    for part, noise in zip(parts, noises, strict=True):
-        rows = noise.rows(part.known)
-        d = noise.whitened(part.derivative, rows)
-        e = noise.whitened(part.residual, rows)
-        matrix += d.reshape(-1, k).T @ d.reshape(-1, k)
-        each = np.einsum("nck,nc->nk", d, e)
-        gradient += each.sum(axis=0)
-        scores[rows] += each
-    return Normal(_inverse(matrix, names), gradient), scores
+    rows = noises[1].rows(rotation.known)
+    d = noises[1].whitened(rotation.derivative, rows).reshape(-1, k)
+    e = noises[1].whitened(rotation.residual, rows).reshape(-1)
+    matrix, gradient = information + d.T @ d, pull + d.T @ e
+    middle = matrix.copy()
+    known = translation.known
+    kept = np.where(known[:, None, None], translation.derivative, 0.0)
+    if hats is not None:
+        kept = _without_drift(kept, hats * known[:, None])
+    flat = kept.reshape(-1, k)
+    equal = flat.T @ translation.derivative.reshape(-1, k)
+    scatter = noises[0].scattered(kept)
+    felt = np.diag(equal) > 1e-9 * np.trace(equal)
+    variance = float(np.mean(np.diag(scatter)[felt] / np.diag(equal)[felt]))
+    matrix += equal / variance
+    gradient += flat.T @ translation.residual.reshape(-1) / variance
+    middle += scatter / variance**2
+    bread = _inverse(matrix, names)
+    return Normal(bread, gradient), bread @ middle @ bread
+
+
+def drift_hats(bins: int, drift_s: float) -> Floats | None:
+    """Piecewise-linear functions of time (bins, h), knots half of `drift_s` apart.
+
+    None for takes too short to tell drift from motion.
+    """
+    duration_s = bins * BIN_S
+    if duration_s < 2.0 * drift_s:
+        return None
+    knots = np.linspace(0.0, bins - 1.0, int(np.ceil(2.0 * duration_s / drift_s)) + 1)
+    return np.stack([np.interp(np.arange(bins), knots, hat) for hat in np.eye(len(knots))], 1)
+
+
+def _without_drift(values: Floats, hats: Floats) -> Floats:
+    """Values (b, 3, k) less what a drift of hats (b, h) explains, up to `DRIFT_SHARE` of it."""
+    inner = hats.T @ hats
+    size = inner.shape[0]
+    ridge = DRIFT_SHARE / (1.0 - DRIFT_SHARE) * np.trace(inner) / size
+    slow = np.linalg.solve(inner + ridge * np.eye(size), np.tensordot(hats, values, (0, 0))
+        .reshape(size, -1))
+    return values - (hats @ slow).reshape(values.shape)
 
 
 def _weights(residual: Floats) -> Floats:
