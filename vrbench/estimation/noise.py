@@ -49,7 +49,6 @@ class Noise:
         whitened: Floats = news / np.sqrt(self.variance)
         return whitened
 
-
     def scattered(self, values: Floats) -> Floats:
         """The covariance (k, k) of values (b, 3, k) times such noise, summed over bins and axes."""
         size = 1 << int(np.ceil(np.log2(2 * len(values))))

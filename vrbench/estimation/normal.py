@@ -164,8 +164,9 @@ def _without_drift(values: Floats, hats: Floats) -> Floats:
     inner = hats.T @ hats
     size = inner.shape[0]
     ridge = DRIFT_SHARE / (1.0 - DRIFT_SHARE) * np.trace(inner) / size
-    slow = np.linalg.solve(inner + ridge * np.eye(size), np.tensordot(hats, values, (0, 0))
-        .reshape(size, -1))
+    slow = np.linalg.solve(
+        inner + ridge * np.eye(size), np.tensordot(hats, values, (0, 0)).reshape(size, -1)
+    )
     return values - (hats @ slow).reshape(values.shape)
 
 
