@@ -7,7 +7,6 @@ PLUGINS := $(wildcard plugins/*/*)
 # One pip command installs core and plugins together: none of them is on an index.
 EDITABLE := $(foreach plugin,$(PLUGINS),--editable ./$(plugin))
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
-CODE := vrbench tests benchmarks plugins
 RUNS := runs/demo
 
 .PHONY: demo test lint clean

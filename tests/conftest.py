@@ -12,7 +12,7 @@ import pytest
 from vrbench.config.rig import load_rig
 from vrbench.config.suite import Suite, load_suite
 from vrbench.evaluation import evaluate
-from vrbench.plugin.manager import Plugins
+from vrbench.plugin.manager import Plugins, families_of
 from vrbench.protocols.vrbench_1 import PROTOCOL
 from vrbench.results.bundle import Bundle
 from vrbench.runner import record_suite
@@ -43,8 +43,7 @@ class Quiet:
 
 def evaluated(bundle: Bundle):
     """The rows of a bundle, by its own suite."""
-    metrics = Plugins().metrics
-    families = [metrics[name] for name in bundle.record.resolved_suite().metrics]
+    families = families_of(bundle.record.resolved_suite(), Plugins(), None)
     return evaluate(bundle, families, PROTOCOL, lambda *_: None)
 
 

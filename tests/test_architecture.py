@@ -22,7 +22,7 @@ ORDER = (
     *("devices", "recording"),
     "plugin",
     "results",
-    *("runner", "importing", "evaluation"),
+    *("runner", "importing", "scoring", "variants", "evaluation"),
     "cli",
     "__main__",
 )

@@ -54,7 +54,8 @@ def rewrite(run: Path, name: str, change) -> Bundle:
 
 
 def test_the_calibration_finds_the_mounting(run: Path) -> None:
-    for found in json.loads((run / "calibration.json").read_text())["references"]["robot"]:
+    content = json.loads((run / "calibration.json").read_text())
+    for found in content["protocols"]["vrbench-1"]["robot"]:
         x = Transform.of(found["tcp_eye"]["p_m"], found["tcp_eye"]["q_xyzw"])
         true = truth(run, found["take"])["tcp_eye"]
         assert np.linalg.norm(x.p - true["p_m"]) < 2.5e-3  # half a minute, 1.2 mm of slow noise
@@ -105,9 +106,14 @@ def test_no_row_is_without_a_number_or_a_reason(run: Path) -> None:
     assert len(set(keys)) == len(keys)
 
 
-def test_intervals_are_absent_rather_than_made_up(run: Path) -> None:
-    for row in read_rows(run / TABLE):
+def test_intervals_are_whole_and_say_what_they_speak_for(run: Path) -> None:
+    rows = read_rows(run / TABLE)
+    for row in rows:
         assert (row.ci_low is None) == (row.ci_high is None) == (row.ci_scope == "")
+        if row.ci_low is not None and row.ci_high is not None:
+            assert row.ci_low < row.value < row.ci_high, row
+            assert row.ci_scope == "take"  # one mount, two repeats
+    assert sum(row.ci_low is not None for row in rows) >= 40
 
 
 def test_repeats_are_pooled_over_their_samples(run: Path) -> None:
@@ -209,7 +215,7 @@ def test_streams_that_share_no_time_fail_with_both_spans(run: Path) -> None:
 
         head = columns.poses["headset/eye"]
         day = 86_400 * 10**9
-        moved = replace(head, pose_t=head.pose_t + day)
+        moved = replace(head, pose_t=head.pose_t + day, receive_t=head.receive_t + day)
         return replace(columns, poses={**columns.poses, "headset/eye": moved})
 
     rows = evaluated(rewrite(run, "replay.default.m1.r1", late))
@@ -227,6 +233,21 @@ def test_streams_that_share_no_time_fail_with_both_spans(run: Path) -> None:
         band="all",
     )
     assert sound.status == "ok"
+
+
+def test_a_clock_that_counts_from_the_device_s_start_is_found(run: Path) -> None:
+    def since_start(columns: Columns) -> Columns:
+        from dataclasses import replace
+
+        head = columns.poses["headset/eye"]
+        moved = replace(head, pose_t=head.pose_t - head.pose_t[0] + 5_000_000_000)
+        return replace(columns, poses={**columns.poses, "headset/eye": moved})
+
+    first = {r.key: r.value for r in read_rows(run / TABLE) if r.metric.startswith("ape.")}
+    rows = evaluated(rewrite(run, "replay.default.m1.r1", since_start))
+    for row in rows:
+        if row.case == "replay" and row.metric == "ape.translation.aligned" and row.value:
+            assert row.value == pytest.approx(first[row.key], rel=1e-3), row.key
 
 
 def test_a_take_that_was_changed_is_refused(run: Path) -> None:

@@ -31,7 +31,7 @@ def lab(run: Path, tmp_path: Path) -> Path:
             for name, stream in (("headset", "headset/eye"), ("robot", "robot/tcp")):
                 write_tum(columns.poses[stream].trajectory(), folder / f"{case}.{place}.{name}.tum")
             takes.append(
-                f"  - case: {case}\n    repeat: {place[-1]}\n"
+                f"  - case: {case}\n    repeat: {place[-1]}\n    motion: saturate-30s-1\n"
                 f"    headset: {{format: tum, path: {case}.{place}.headset.tum}}\n"
                 f"    robot: {{format: tum, path: {case}.{place}.robot.tum}}\n"
             )
@@ -90,6 +90,11 @@ def test_a_run_says_what_it_was_made_of(lab: Path, tmp_path: Path) -> None:
         ("case: calibrate", "case: calibration", "has no case 'calibration'"),
         ("format: tum,", "format: tum, topic: /x,", "topic"),
         ("lab: test", "lab: test\nlabb: 2", "labb"),
+        (
+            "case: replay\n    repeat: 1\n    motion: saturate-30s-1",
+            "case: replay\n    repeat: 1",
+            "doesn't say which motion it is|differ in motion",
+        ),
         ("suite: ", "suite: gone-", "no such file"),
         ("repeat: 2", "repeat: 1", "two takes are case calibrate mount 1 repeat 1"),
         ("repeat: 2", "repeat: 0", "greater than or equal to 1"),

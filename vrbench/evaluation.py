@@ -3,38 +3,29 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
-from vrbench.config.suite import Suite
-from vrbench.errors import DataError, EstimationError
-from vrbench.geometry import Transform
-from vrbench.metrics.registry import Family, Value
-from vrbench.metrics.scored import ScoredTake
-from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_x
+from vrbench.errors import EstimationError
+from vrbench.metrics.registry import Family
+from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import Protocol
-from vrbench.results.bundle import Bundle, TakeRecord
+from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import write_calibrations
-from vrbench.results.tables import Row, pool, write_rows
-from vrbench.streams import Columns
+from vrbench.results.phases import PhaseRow, phase_rows, write_phases
+from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
+from vrbench.scoring import Rules, Scored, score, with_interval
+from vrbench.statistics.uncertainty import intervals
+from vrbench.variants import variant_rows
 
 # Told of each take as it is scored: its name, its place, how many there are.
 Tell = Callable[[str, int, int], None]
 
 
-@dataclass(slots=True)
-class _Mount:
-    """The takes of one mount, decoded, and what calibrates them."""
-
-    takes: list[tuple[TakeRecord, Columns]] = field(default_factory=list)
-    calibrations: dict[str, Calibration] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
-
-
 def evaluate(
     bundle: Bundle, families: Sequence[Family], protocol: Protocol, tell: Tell
 ) -> list[Row]:
-    """Scores a run and writes `metrics/<protocol>.csv` and `calibration.json`.
+    """Scores a run; writes its metric table, its errors by phase, and `calibration.json`.
 
     Args:
         bundle: a complete run.
@@ -49,186 +40,81 @@ def evaluate(
         DataError: a take is gone, altered or unreadable; nothing is written.
     """
     suite = bundle.record.resolved_suite()
-    decoded = [(take, bundle.columns(take)) for take in bundle.record.takes]
     rows: list[Row] = []
+    phases: list[PhaseRow] = []
     found: dict[str, list[Calibration]] = {}
-    total = len(decoded) * len(bundle.record.references)
     done = 0
     for reference in bundle.record.references:
-        for mount in _mounts(decoded, protocol, reference).values():
-            found.setdefault(reference, []).extend(mount.calibrations.values())
-            scored: dict[str, list[tuple[TakeRecord, ScoredTake]]] = defaultdict(list)
-            for take, columns in mount.takes:
-                tell(take.name, done, total)
-                done += 1
-                scorer = _Scorer(bundle, suite, families, protocol, reference, take)
-                rows += scorer.rows(columns, mount)
-                if scorer.scored is not None:
-                    scored[take.case].append((take, scorer.scored))
-            for group in scored.values():
-                rows += _rows_of_repeats(bundle, suite, families, protocol, reference, group)
-    rows += pool(rows)
+        rules = Rules(bundle.record, suite, families, protocol, reference)
+        calibrations = {
+            mount: _calibrated(bundle, protocol, reference, mount)
+            for mount in sorted({take.mount for take in bundle.record.takes})
+        }
+        found[reference] = [c for good, _ in calibrations.values() for c in good.values()]
+        groups: dict[tuple[str, str], list[Scored]] = defaultdict(list)
+        for take in bundle.record.takes:
+            tell(take.name, done, len(bundle.record.takes) * len(bundle.record.references))
+            done += 1
+            columns, (good, failures) = bundle.columns(take), calibrations[take.mount]
+            scored = score(rules, take, columns, good, failures)
+            variants = variant_rows(rules, scored, columns, good)
+            scored = replace(scored, rows=[*scored.rows, *variants])
+            rows += scored.rows
+            phases += phase_rows(take, scored.whole, reference)
+            groups[take.case, take.condition].append(scored)
+        for group in groups.values():
+            rows += _rows_of_repeats(rules, group)
+            rows += _pooled(rules, group)
     write_rows(rows, bundle.folder / "metrics" / f"{protocol.name}.csv")
+    write_phases(phases, bundle.folder / "metrics" / f"{protocol.name}.phase.csv")
     write_calibrations(bundle.folder / "calibration.json", protocol.name, found)
     return rows
 
 
-def _mounts(
-    decoded: Iterable[tuple[TakeRecord, Columns]], protocol: Protocol, reference: str
-) -> dict[int, _Mount]:
-    mounts: dict[int, _Mount] = defaultdict(_Mount)
-    for take, columns in decoded:
-        mount = mounts[take.mount]
-        mount.takes.append((take, columns))
-        if take.role == "calibration":
+def _calibrated(
+    bundle: Bundle, protocol: Protocol, reference: str, mount: int
+) -> tuple[dict[str, Calibration], dict[str, str]]:
+    """The calibrations of a mount by take, and why the others failed."""
+    good: dict[str, Calibration] = {}
+    failures: dict[str, str] = {}
+    for take in bundle.record.takes:
+        if take.mount == mount and take.role == "calibration":
             try:
-                mount.calibrations[take.name] = protocol.calibrate(columns, reference, take.name)
-            except (EstimationError, DataError) as error:
-                mount.failures[take.name] = str(error)
-    return mounts
+                good[take.name] = protocol.calibrate(bundle.columns(take), reference, take.name)
+            except EstimationError as error:
+                failures[take.name] = str(error)
+    return good, failures
 
 
-@dataclass(slots=True)
-class _Scorer:
-    """Scores one take against one reference."""
-
-    bundle: Bundle
-    suite: Suite
-    families: Sequence[Family]
-    protocol: Protocol
-    reference: str
-    take: TakeRecord
-    scored: ScoredTake | None = None
-
-    def rows(self, columns: Columns, mount: _Mount) -> list[Row]:
-        others = [c for name, c in mount.calibrations.items() if name != self.take.name]
-        x = mean_x(others) if others else None
-        try:
-            self.scored = self._prepare(columns, x)
-        except (EstimationError, DataError) as error:
-            return [self._row(v, Verdict("failed", str(error))) for v in self._empty()]
-        verdict = self._verdict(others, mount, self.scored)
-        rows: list[Row] = []
-        for family in self.families:
-            if family.of_take is None:
-                continue
-            if x is None and "x" in family.needs:
-                rows += [self._row(v, verdict) for v in self._empty([family])]
-                continue
-            ruling = verdict if "x" in family.needs else Verdict()
-            rows += [self._row(value, ruling) for value in family.of_take(self.scored)]
-        return rows + self._in_sample(columns, mount)
-
-    def _prepare(self, columns: Columns, x: Transform | None) -> ScoredTake:
-        anchor_s = self.suite.case(self.take.case).anchor
-        return self.protocol.prepare(columns, self.reference, x, anchor_s=anchor_s)
-
-    def _verdict(self, others: Sequence[Calibration], mount: _Mount, scored: ScoredTake) -> Verdict:
-        """What the gate says. A calibration take is bracketed by its agreement with the others."""
-        limits = Limits(
-            self.suite.gate.handeye_translation,
-            self.suite.gate.handeye_rotation,
-            self.suite.gate.max_age,
-            self.suite.gate.bracket,
-        )
-        if not others and self.take.role == "calibration":
-            return Verdict("skipped", "no other calibration of this mount to score it with")
-        start, end = int(scored.reference.t[0]), int(scored.reference.t[-1])
-        verdict = gate(others, start, end, scored.truth, limits)
-        if self.take.role == "calibration" and verdict.status == "unbracketed":
-            return Verdict()
-        if not others and mount.failures:
-            told = "; ".join(f"{name}: {why}" for name, why in mount.failures.items())
-            return Verdict("invalid", f"no calibration of this mount succeeded: {told}")
-        return verdict
-
-    def _in_sample(self, columns: Columns, mount: _Mount) -> list[Row]:
-        """APE with X fitted on the very take that is scored: better than it can truly be."""
-        ape = [f for f in self.families if f.name == "ape" and f.of_take is not None]
-        if not ape:
-            return []
-        try:
-            own = mount.calibrations.get(self.take.name) or self.protocol.calibrate(
-                columns, self.reference, self.take.name
-            )
-            scored = self._prepare(columns, own.x)
-        except (EstimationError, DataError):
-            return []
-        values = ape[0].of_take(scored) if ape[0].of_take else ()
-        return [self._row(replace(value, variant="in-sample"), Verdict()) for value in values]
-
-    def _empty(self, families: Sequence[Family] | None = None) -> Iterable[Value]:
-        """One value without a number for each metric, to carry the reason."""
-        for family in self.families if families is None else families:
-            for metric, unit in family.units.items():
-                if family.of_take is not None:
-                    yield Value(metric, "value", None, unit, 0)
-
-    def _row(self, value: Value, verdict: Verdict) -> Row:
-        return _row(
-            self.bundle, self.suite, self.protocol, self.reference, self.take, value, verdict
-        )
+def _rows_of_repeats(rules: Rules, group: Sequence[Scored]) -> Iterator[Row]:
+    """What only the repeats of a case and condition in one mount tell together."""
+    for mount in dict.fromkeys(one.take.mount for one in group):
+        members = [one for one in group if one.take.mount == mount]
+        takes = [one.whole for one in members if one.whole is not None]
+        worst = min((one.verdict for one in members), key=lambda v: STATUSES.index(v.status))
+        for family in rules.families:
+            if family.of_repeats is not None and takes:
+                verdict = worst if "x" in family.needs else Verdict()
+                for value in family.of_repeats(takes):
+                    yield replace(rules.row(members[0].take, value, verdict), repeat="all")
 
 
-def _rows_of_repeats(
-    bundle: Bundle,
-    suite: Suite,
-    families: Sequence[Family],
-    protocol: Protocol,
-    reference: str,
-    group: Sequence[tuple[TakeRecord, ScoredTake]],
-) -> list[Row]:
-    """What only the repeats of a case in one mount tell together."""
-    takes = [scored for _, scored in group]
-    first = group[0][0]
-    return [
-        replace(_row(bundle, suite, protocol, reference, first, value, Verdict()), repeat="all")
-        for family in families
-        if family.of_repeats is not None
-        for value in family.of_repeats(takes)
-    ]
-
-
-def _row(
-    bundle: Bundle,
-    suite: Suite,
-    protocol: Protocol,
-    reference: str,
-    take: TakeRecord,
-    value: Value,
-    verdict: Verdict,
-) -> Row:
-    status, reason = verdict.status, verdict.reason
-    if value.value is None and status in ("ok", "unbracketed", "extrapolated"):
-        status, reason = "skipped", value.reason
-    return Row(
-        protocol=protocol.name,
-        device=bundle.record.device.headset,
-        suite=suite.label,
-        case=take.case,
-        condition=take.condition,
-        sitting=bundle.record.sitting,
-        mount=str(take.mount),
-        repeat=str(take.repeat),
-        segment=value.segment,
-        reference=reference,
-        variant=value.variant,
-        metric=value.metric,
-        point=value.point,
-        band=value.band,
-        statistic=value.statistic,
-        value=value.value,
-        unit=value.unit,
-        samples=value.samples,
-        status=status,
-        reason=reason,
-    )
-
-
-def worst(rows: Sequence[Row]) -> Mapping[str, str]:
-    """Reasons of the cases that are failed or invalid, by take."""
-    return {
-        f"{row.case} m{row.mount} r{row.repeat} ({row.status})": row.reason
-        for row in rows
-        if row.status in ("failed", "invalid") and row.variant == "main"
+def _pooled(rules: Rules, group: Sequence[Scored]) -> list[Row]:
+    """The rows of all takes of a case and condition together, with their intervals."""
+    members: dict[Member, str] = {
+        (str(one.take.mount), str(one.take.repeat)): one.verdict.reason
+        if one.verdict.status == "failed"
+        else ""
+        for one in group
     }
+    rows = [row for one in group for row in one.rows if row.segment == "all"]
+    pooled = pool(rows, ("mount", "repeat"), members)
+    if not pooled or not all(one.models for one in group):
+        return pooled
+    found = intervals(
+        [one.models for one in group],
+        [one.x_covariance for one in group],
+        [(rules.record.sitting, str(one.take.mount)) for one in group],
+        rules.rng(group[0].take.case, group[0].take.condition),
+    )
+    return [with_interval(row, found) for row in pooled]

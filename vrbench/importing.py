@@ -8,15 +8,16 @@ from pathlib import Path
 
 from vrbench.config.recordings import STREAMS, RecordedTake, Recordings, Source, load_recordings
 from vrbench.config.shipped import find_file
-from vrbench.config.suite import Case, Suite, load_suite
+from vrbench.config.suite import DEFAULT, Case, Suite, load_suite, take_name
 from vrbench.errors import ConfigError, DataError
 from vrbench.motion.generators import GENERATORS, generate
 from vrbench.motion.motion import digest_of_name
-from vrbench.plugin.manager import Plugins, check_options, pick
+from vrbench.plugin.manager import Plugins, check_options, families_of, pick
 from vrbench.recording import datasets
 from vrbench.recording.importer import Imported
 from vrbench.recording.take import TakeWriter
 from vrbench.results.bundle import (
+    AccuracyRecord,
     Bundle,
     DeviceRecord,
     RunRecord,
@@ -30,6 +31,8 @@ from vrbench.streams import Columns, Event, Samples
 
 # What each stream is called in a take.
 TAKE_STREAMS = {"headset": "headset/eye", "robot": "robot/tcp", "mocap": "mocap/body"}
+# The motion of a calibration that doesn't say which it is.
+UNSTATED = "unstated"
 # Told of each take as it begins: its name, its place in the list, how many there are.
 Tell = Callable[[str, int, int], None]
 
@@ -50,7 +53,8 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     """
     path = find_file("recordings", name)
     recordings = load_recordings(path)
-    suite = load_suite(recordings.suite, dict(plugins.suites))
+    suite = load_suite(recordings.suite, dict(plugins.suites), beside=path.parent)
+    families_of(suite, plugins, str(path))
     cases = [_case_of(take, suite, path) for take in recordings.takes]
     folder = folder or default_folder(suite.suite, recordings.device.headset)
     record = RunRecord(
@@ -62,6 +66,10 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
         sitting=recordings.sitting,
         device=DeviceRecord(**recordings.device.model_dump()),
         references=_references(recordings, suite, path),
+        accuracy={
+            name: AccuracyRecord(metres=stated.value, source=stated.source)
+            for name, stated in recordings.accuracy.items()
+        },
         versions=versions(plugins.versions()),
     )
     inputs = {"recordings.yaml": path.read_text(encoding="utf-8")}
@@ -69,8 +77,8 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     try:
         for index, (take, case) in enumerate(zip(recordings.takes, cases, strict=True)):
             where = f"takes.{index}"
-            tell(_take_name(take), index, len(cases))
-            _import_take(bundle, take, case, suite, recordings, path, plugins, where)
+            tell(_name_of(take), index, len(cases))
+            _import_take(bundle, take, case, recordings, path, plugins, where)
         bundle.finish()
     except BaseException:
         # The sources are still there: half an import is worth nothing.
@@ -81,9 +89,17 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
 
 def _case_of(take: RecordedTake, suite: Suite, path: Path) -> Case:
     try:
-        return suite.case(take.case)
+        case = suite.case(take.case)
     except ConfigError as error:
         raise ConfigError(error.what, file=path, field="takes.case", fix=error.fix) from None
+    if case.role == "scored" and take.motion is None:
+        raise ConfigError(
+            f"a take of case {case.id} doesn't say which motion it is",
+            file=path,
+            field="takes.motion",
+            fix="name it, the same name for the same motion: results are compared by it",
+        )
+    return case
 
 
 def _references(recordings: Recordings, suite: Suite, path: Path) -> list[str]:
@@ -101,15 +117,14 @@ def _references(recordings: Recordings, suite: Suite, path: Path) -> list[str]:
     return there
 
 
-def _take_name(take: RecordedTake) -> str:
-    return f"{take.case}.default.m{take.mount}.r{take.repeat}"
+def _name_of(take: RecordedTake) -> str:
+    return take_name(take.case, DEFAULT, take.mount, take.repeat)
 
 
 def _import_take(
     bundle: Bundle,
     take: RecordedTake,
     case: Case,
-    suite: Suite,
     recordings: Recordings,
     path: Path,
     plugins: Plugins,
@@ -123,9 +138,9 @@ def _import_take(
             imported = _read(source, recordings, path, plugins, f"{where}.{name}")
             poses[TAKE_STREAMS[name]] = imported.samples
             repairs += [f"{name}: {repair}" for repair in imported.repairs]
-    motion = take.motion or suite.motions[case.motion]
+    motion = take.motion or UNSTATED
     record = TakeRecord(
-        file=f"takes/{_take_name(take)}.mcap",
+        file=f"takes/{_name_of(take)}.mcap",
         sha256="",
         case=case.id,
         mount=take.mount,
@@ -146,7 +161,7 @@ def _import_take(
     }
     begin = min(int(samples.receive_t[0]) for samples in poses.values())
     events = [Event(begin, "repair", {"what": repair}) for repair in repairs]
-    take_path = bundle.take_path(_take_name(take))
+    take_path = bundle.take_path(_name_of(take))
     with TakeWriter(take_path, metadata) as writer:
         writer.write(Columns(poses, events=events))
     record.sha256 = file_digest(take_path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from vrbench.motion.motion import Motion, at_speed
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
+    AccuracyRecord,
     Bundle,
     DeviceRecord,
     RunRecord,
@@ -85,6 +86,12 @@ def record_suite(
         ConfigError: the rig lacks what the suite needs, an option is wrong, or the folder exists.
         DeviceError: a device failed. The bundle stays, marked incomplete, with the takes so far.
     """
+    if suite.mover != "robot":
+        raise ConfigError(
+            f"suite {suite.label} is moved by: {suite.mover}",
+            field="mover",
+            fix="this vrbench records suites that a robot moves; import the others' recordings",
+        )
     profile = _profile(rig, rig_name, plugins)
     motions = {name: generate(motion) for name, motion in suite.motions.items()}
     steps = list(suite.schedule())
@@ -99,6 +106,7 @@ def record_suite(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
         references=["robot"],
+        accuracy=_accuracy(rig),
         seed=seed,
         versions=versions(plugins.versions()),
     )
@@ -114,6 +122,16 @@ def record_suite(
             _record_step(bundle, devices, step, motions[step.case.motion], watcher)
         bundle.finish()
     return bundle
+
+
+def _accuracy(rig: Rig) -> dict[str, AccuracyRecord]:
+    """What the rig states of its references."""
+    stated = {"robot": rig.robot, "mocap": rig.mocap}
+    return {
+        name: AccuracyRecord(metres=device.accuracy.value, source=device.accuracy.source)
+        for name, device in stated.items()
+        if device is not None and device.accuracy is not None
+    }
 
 
 def _profile(rig: Rig, rig_name: str, plugins: Plugins) -> HeadsetProfile:
@@ -192,7 +210,7 @@ def _record_step(
         "prediction": bundle.record.device.prediction,
     }
     path = bundle.take_path(step.name)
-    movement: Iterator[float] = devices.robot.execute(plan)
+    movement = devices.robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
     truth: dict[str, Any] = devices.session.stage.truth
     bundle.write_truth(step.name, truth)
@@ -208,5 +226,6 @@ def _record_step(
             motion_digest=motion.digest,
             speed=case.speed,
             fraction=plan.fraction,
+            stretch=plan.stretch,
         )
     )

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vrbench.clocks import Exchanges
-from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs
+from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs, quat_normalize
 from vrbench.trajectory import Trajectory
 
 
@@ -35,7 +35,8 @@ class Samples:
 
     Attributes:
         source_t: the source's own stamp (n,) [ns], on its own clock.
-        pose_t: the time the pose refers to (n,) [ns].
+        pose_t: the time the pose refers to (n,) [ns]; on the recorder's clock where the take holds
+            clock exchanges with the source, on the source's own where it doesn't.
         receive_t: when it arrived (n,) [ns], on the recorder's clock.
         pose: `T_parent_child` (n,).
         flags: what the source says of each pose (n,), `Flag`.
@@ -93,12 +94,17 @@ class Samples:
         """Which poses (n,) are valid and tracked in position and orientation."""
         return (self.flags & GOOD) == GOOD
 
+    @property
+    def epochs(self) -> list[int]:
+        """The epochs that good poses lie in."""
+        return [int(epoch) for epoch in np.unique(self.epoch[self.good])]
+
     def trajectory(self) -> Trajectory:
         """The good poses by pose time; of poses with one and the same time the first is kept."""
         keep = np.flatnonzero(self.good)
         t, first = np.unique(self.pose_t[keep], return_index=True)
         pose = self.pose[keep[first]]
-        return Trajectory(t, Transform(pose.p, continuous_signs(pose.q)))
+        return Trajectory(t, Transform(pose.p, continuous_signs(quat_normalize(pose.q))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

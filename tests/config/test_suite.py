@@ -271,3 +271,15 @@ def test_without_calibrations_only_the_cases_are_run(load):
 def test_no_two_takes_have_one_name(load):
     found = names(load(changed(("remounts: 1", "remounts: 3"))))
     assert len(found) == len(set(found)) == 4 * 5
+
+
+@pytest.mark.parametrize(
+    ("name", "digest"),
+    [
+        ("calibration", "b9c14c12414b2a5d9c4712eb70f3bb0a58609da4a630ff180b965ab61dd25789"),
+        ("gameplay-replay", "e1e646fd134813a487be43b5052cb71fc4f34d32e91b179758b83dbf75f03fe2"),
+    ],
+)
+def test_a_released_suite_never_changes(name, digest):
+    """Where this fails, results of today stand on another board: raise the suite's version."""
+    assert load_suite(name).digest == digest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,14 @@ from vrbench.results.leaderboard import leaderboard
 from vrbench.results.tables import read_rows, write_rows
 
 TABLE = "metrics/vrbench-1.csv"
+
+
+@pytest.fixture
+def run(run: Path) -> Path:
+    """A run whose intervals speak for more than its takes, as those of more mounts would."""
+    rows = [replace(r, ci_scope="mount" if r.ci_scope else "") for r in read_rows(run / TABLE)]
+    write_rows(rows, run / TABLE)
+    return run
 
 
 @pytest.fixture
@@ -62,6 +71,8 @@ def test_the_smaller_error_ranks_first(run: Path, rival: Path) -> None:
         lambda record: record.update(suite_digest="0" * 64),
         lambda record: [t.update(motion_digest="0" * 64) for t in record["takes"]],
         lambda record: [t.update(speed=1.24) for t in record["takes"]],
+        lambda record: [t.update(stretch=2.0) for t in record["takes"]],
+        lambda record: record.update(kind="recorded"),
     ],
 )
 def test_what_differs_in_suite_motion_or_speed_stands_apart(run: Path, rival: Path, change) -> None:
@@ -81,6 +92,46 @@ def test_a_bad_calibration_is_listed_unranked_with_its_reason(run: Path, rival: 
     assert board.entries[1].value is not None
 
 
+def test_a_motion_done_in_part_is_listed_unranked(run: Path) -> None:
+    edit(run, lambda record: record["takes"][1].update(fraction=0.6))
+    (board,) = boards(run)
+    assert (board.entries[0].rank, board.entries[0].status) == (None, "not completed")
+    assert board.entries[0].reason == "the robot did 60 % of the motion"
+
+
+def test_takes_that_recentred_are_listed_unranked(run: Path) -> None:
+    rows = [
+        replace(row, value=2.0) if row.metric == "coverage.epochs" else row
+        for row in read_rows(run / TABLE)
+    ]
+    write_rows(rows, run / TABLE)
+    (board,) = boards(run)
+    assert (board.entries[0].rank, board.entries[0].epochs) == (None, 2)
+    assert board.entries[0].status == "recentred"
+
+
+def test_one_mount_or_too_few_repeats_have_no_rank(run: Path) -> None:
+    rows = [replace(r, ci_scope="take" if r.ci_scope else "") for r in read_rows(run / TABLE)]
+    write_rows(rows, run / TABLE)
+    (board,) = boards(run)
+    assert (board.entries[0].rank, board.entries[0].status) == (None, "take scope")
+    assert board.entries[0].value is not None
+
+
+def test_a_take_that_failed_leaves_no_number_to_rank(run: Path) -> None:
+    text = (run / TABLE).read_text()
+    lines = [
+        re.sub(r",ok,$", ",failed,no overlap", line)
+        if line.startswith("vrbench-1,sim,short@1,replay,default,1,1,2,")
+        else line
+        for line in text.splitlines()
+    ]
+    (run / TABLE).write_text("\n".join(lines) + "\n")
+    (board,) = boards(run)
+    assert (board.entries[0].rank, board.entries[0].value) == (None, None)
+    assert board.entries[0].status == "failed"
+
+
 def test_low_coverage_is_listed_unranked(run: Path) -> None:
     rows = [
         replace(row, value=94.9) if row.metric == "coverage.valid" else row
@@ -90,7 +141,7 @@ def test_low_coverage_is_listed_unranked(run: Path) -> None:
     (board,) = boards(run)
     assert board.entries[0].status == "low coverage"
     assert board.entries[0].rank is None
-    assert "95 % valid poses" in board.entries[0].reason
+    assert "95% valid poses" in board.entries[0].reason
 
 
 def test_the_same_run_twice_is_refused(run: Path) -> None:

@@ -32,6 +32,9 @@ ROW = Row(
     samples=10,
 )
 
+TAKES = ("mount", "repeat")
+BOTH = {("1", "1"): "", ("1", "2"): ""}
+
 
 def test_rows_come_back(tmp_path: Path) -> None:
     rows = [ROW, replace(ROW, value=None, status="skipped", reason='no "x", says the gate')]
@@ -79,7 +82,9 @@ def of_errors(errors: np.ndarray, repeat: str) -> list[Row]:
 def test_pooled_numbers_are_those_of_all_samples_together() -> None:
     rng = np.random.default_rng(0)
     one, two = np.abs(rng.normal(size=50)), np.abs(rng.normal(2, 1, size=170))
-    pooled = {row.statistic: row for row in pool(of_errors(one, "1") + of_errors(two, "2"))}
+    pooled = {
+        row.statistic: row for row in pool(of_errors(one, "1") + of_errors(two, "2"), TAKES, BOTH)
+    }
     expected = {row.statistic: row for row in of_errors(np.concatenate((one, two)), "all")}
     assert pooled.keys() == expected.keys()
     for name, row in pooled.items():
@@ -88,17 +93,25 @@ def test_pooled_numbers_are_those_of_all_samples_together() -> None:
 
 
 def test_one_take_is_not_pooled() -> None:
-    assert pool(of_errors(np.ones(3), "1")) == []
+    assert pool(of_errors(np.ones(3), "1"), TAKES, {("1", "1"): ""}) == []
 
 
-def test_a_take_without_a_number_leaves_nothing_to_pool() -> None:
+def test_a_take_without_a_number_leaves_none_for_all_and_is_named() -> None:
     rows = of_errors(np.ones(3), "1")
-    rows.append(
-        replace(ROW, repeat="2", statistic="value", value=None, status="failed", reason="x")
-    )
-    assert pool(rows) == []
+    rows.append(replace(ROW, repeat="2", value=None, status="failed", reason="x"))
+    (row,) = pool(rows, TAKES, BOTH)
+    assert (row.value, row.status, row.repeat) == (None, "failed", "all")
+    assert row.reason == "mount 1 repeat 2: x"
+
+
+def test_a_take_that_is_not_there_at_all_is_named_too() -> None:
+    (row,) = pool(of_errors(np.ones(3), "1"), TAKES, {**BOTH, ("1", "2"): "no overlap"})
+    assert (row.value, row.status) == (None, "failed")
+    assert row.reason == "mount 1 repeat 2: no overlap"
 
 
 def test_the_worst_status_is_the_pool_s() -> None:
     bad = [replace(r, status="extrapolated", reason="far") for r in of_errors(np.ones(3), "2")]
-    assert {row.status for row in pool(of_errors(np.ones(3), "1") + bad)} == {"extrapolated"}
+    assert {row.status for row in pool(of_errors(np.ones(3), "1") + bad, TAKES, BOTH)} == {
+        "extrapolated"
+    }

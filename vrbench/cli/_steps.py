@@ -38,12 +38,13 @@ def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bu
     """Records a suite on a rig."""
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
-    from vrbench.plugin.manager import Plugins
+    from vrbench.plugin.manager import Plugins, families_of
     from vrbench.results.bundle import default_folder
     from vrbench.runner import record_suite
 
     plugins = Plugins()
     suite = load_suite(suite_name, dict(plugins.suites))
+    families_of(suite, plugins, suite_name)
     rig = load_rig(rig_name)
     folder = output or default_folder(suite.suite, rig.headset.model)
     with bar(f"record {suite.label} on {rig.headset.model}") as tell:
@@ -53,16 +54,13 @@ def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bu
 def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) -> list[Row]:
     """Evaluates a run by a protocol."""
     from vrbench.evaluation import evaluate
-    from vrbench.plugin.manager import Plugins, pick
+    from vrbench.plugin.manager import Plugins, families_of, pick
     from vrbench.protocols.vrbench_1 import PROTOCOL as VRBENCH_1
 
     plugins = plugins or Plugins()
     protocols = {VRBENCH_1.name: VRBENCH_1}
     chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
-    families = [
-        pick(plugins.metrics, name, "metric", field="metrics", file=str(bundle.folder))
-        for name in bundle.record.resolved_suite().metrics
-    ]
+    families = families_of(bundle.record.resolved_suite(), plugins, str(bundle.folder))
     with bar(f"evaluate {bundle.folder.name}") as tell:
         return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total))
 

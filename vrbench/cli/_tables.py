@@ -54,20 +54,24 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
     """The headline numbers of each take and of all together; `table` is the file with the rest."""
     from vrbench.results.tables import STATUSES
 
-    takes: dict[tuple[str, str, str, str], dict[tuple[str, ...], Row]] = {}
+    takes: dict[tuple[str, str, str, str, str], dict[tuple[str, ...], Row]] = {}
     for row in rows:
         if row.variant == "main" and row.band == "all" and row.segment == "all":
-            take = takes.setdefault((row.reference, row.case, row.mount, row.repeat), {})
+            place = (row.reference, row.case, row.condition, row.mount, row.repeat)
+            take = takes.setdefault(place, {})
             take[row.metric, row.point, row.statistic] = row
     lines = []
-    for (_, case, mount, repeat), numbers in takes.items():
+    several = len({row.reference for row in rows}) > 1
+    for (reference, case, condition, mount, repeat), numbers in takes.items():
         cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in _HEADLINES]
         if not any(cells):
             continue
-        place = [case, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
+        named = case if condition == "default" else f"{case} {condition}"
+        named += f" by {reference}" if several else ""
+        line = [named, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
         shown = ["" if row is None else _number(row.value) for row in cells]
         status = min((r.status for r in numbers.values()), key=STATUSES.index)
-        lines.append([*place, *shown, "ok" if status == "skipped" else status])
+        lines.append([*line, *shown, "ok" if status == "skipped" else status])
     header = ["case", "take", *(name for name, *_ in _HEADLINES), "status"]
     show_table("Metrics", header, lines)
     click.echo(f"all {len(rows)} numbers: {table}")
@@ -77,13 +81,17 @@ def show_boards(boards: Sequence[Board]) -> None:
     """Every board, best device first, and why those without a rank have none."""
     for board in boards:
         key = board.key
+        what = "simulated devices" if key.simulated else "recorded devices"
+        condition = "" if key.condition == "default" else f" ({key.condition})"
         title = (
-            f"Leaderboard: {key.suite}, {key.case} by {key.motion}, speed {key.speed:g}, "
-            f"{board.metric}\nprotocol {key.protocol}, reference {key.reference}, "
-            f"suite {key.suite_digest[:8]}, motion {key.motion_digest[:8]}"
+            f"Leaderboard of {what}: {key.suite}, {key.case}{condition} by {key.motion}, "
+            f"speed {key.speed:g}\n{board.metric}, protocol {key.protocol}, "
+            f"reference {key.reference}, suite {key.suite_digest[:8]}, "
+            f"motion {key.motion_digest[:8]}"
         )
         unit = next((entry.unit for entry in board.entries if entry.unit), "")
-        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "takes ", "mounts ", "valid % "]
+        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "95 % ", "floor "]
+        header += ["takes ", "mounts ", "valid % ", "status", "why"]
         rows = [
             [
                 "-" if e.rank is None else str(e.rank),
@@ -91,6 +99,8 @@ def show_boards(boards: Sequence[Board]) -> None:
                 e.lab,
                 e.firmware,
                 _number(e.value),
+                "" if e.low is None else f"{_number(e.low)}-{_number(e.high)}",
+                _number(e.floor),
                 str(e.takes),
                 str(e.mounts),
                 _number(e.coverage),
@@ -99,7 +109,7 @@ def show_boards(boards: Sequence[Board]) -> None:
             ]
             for e in board.entries
         ]
-        show_table(title, [*header, "status", "why"], rows)
+        show_table(title, header, rows)
 
 
 def _state(row: Row) -> str:

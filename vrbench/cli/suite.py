@@ -48,12 +48,11 @@ def check(suite: str) -> None:
     """Say whether SUITE, a file or a name, can be run: its fields, motions and metrics."""
     from vrbench.config.suite import load_suite
     from vrbench.motion.generators import generate
-    from vrbench.plugin.manager import Plugins, pick
+    from vrbench.plugin.manager import Plugins, families_of
 
     plugins = Plugins()
     found = load_suite(suite, dict(plugins.suites))
     for motion in found.motions.values():
         generate(motion)
-    for metric in found.metrics:
-        pick(plugins.metrics, metric, "metric", field="metrics", file=suite)
+    families_of(found, plugins, suite)
     click.echo(f"{found.label} is sound: {sum(1 for _ in found.schedule())} takes")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from vrbench.config.rig import Accuracy
 from vrbench.config.suite import Name
 from vrbench.config.yaml_file import load_model
 
@@ -67,6 +68,7 @@ class Recordings(_Strict):
     lab: str = Field(min_length=1)
     device: DeviceFacts
     sitting: str = "1"
+    accuracy: dict[Literal["robot", "mocap"], Accuracy] = {}
     takes: tuple[RecordedTake, ...] = Field(min_length=1)
 
     @model_validator(mode="after")

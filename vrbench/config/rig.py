@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
+from vrbench.config.quantity import Length
 from vrbench.config.yaml_file import load_model
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
@@ -39,11 +40,24 @@ class Pose(_Strict):
         return Transform.of(self.p_m, self.q_xyzw)
 
 
+class Accuracy(_Strict):
+    """How accurate a reference is over the box it moves in, and who says so."""
+
+    value: Annotated[Length, Field(gt=0.0)]
+    source: str = Field(min_length=1)
+
+
 class DeviceChoice(_Strict):
     """A plugin's device and its options, which the plugin itself validates."""
 
     plugin: str
     options: dict[str, Any] = {}
+
+
+class ReferenceChoice(DeviceChoice):
+    """A device that counts as truth."""
+
+    accuracy: Accuracy | None = None
 
 
 class HeadsetChoice(DeviceChoice):
@@ -69,10 +83,14 @@ class Rig(_Strict):
 
     lab: str = Field(min_length=1)
     headset: HeadsetChoice
-    robot: DeviceChoice | None = None
-    mocap: DeviceChoice | None = None
+    robot: ReferenceChoice | None = None
+    mocap: ReferenceChoice | None = None
     mounting: Mounting = Mounting()
     environment: dict[str, Any] = {}
+
+
+# The white noise of its simulated encoders is all that it is off by.
+SIMULATED_ACCURACY = Accuracy(value=1e-5, source="simulated")
 
 
 def load_rig(name: str) -> Rig:
@@ -86,7 +104,7 @@ def load_rig(name: str) -> Rig:
         return Rig(
             lab="simulated",
             headset=HeadsetChoice(plugin=SIMULATED, device=device or FIRST_SIMULATED),
-            robot=DeviceChoice(plugin=SIMULATED),
+            robot=ReferenceChoice(plugin=SIMULATED, accuracy=SIMULATED_ACCURACY),
         )
     if not Path(name).is_file():
         raise ConfigError(

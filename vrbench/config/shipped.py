@@ -20,8 +20,16 @@ def shipped_files(kind: str) -> dict[str, Path]:
     return {path.stem: path for path in sorted(shipped_folder(kind).glob("*.yaml"))}
 
 
-def find_file(kind: str, name: str, others: dict[str, Path] | None = None) -> Path:
+def find_file(
+    kind: str, name: str, others: dict[str, Path] | None = None, beside: Path | None = None
+) -> Path:
     """A file by its path, or by its name among the shipped ones and `others`.
+
+    Args:
+        kind: `suites` or `recordings`.
+        name: the path or the name.
+        others: files of plugins, by name.
+        beside: the folder that a relative path starts from; the working directory where None.
 
     Raises:
         ConfigError: neither a file nor a known name.
@@ -30,7 +38,7 @@ def find_file(kind: str, name: str, others: dict[str, Path] | None = None) -> Pa
     if name in known:
         return known[name]
     fix = f"a path to a .yaml file, or {', '.join(known)}"
-    path = Path(name)
+    path = (beside or Path()) / name
     if path.suffix in (".yaml", ".yml") or path.is_file():
         if path.is_file():
             return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
@@ -18,6 +19,9 @@ from vrbench.errors import ConfigError
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 Need = Literal["x", "clock", "y"]
+Statistic = Literal["rmse", "mean", "median", "std", "min", "max", "p95", "value"]
+# The condition of a take where the suite has none.
+DEFAULT = "default"
 
 
 class _Strict(BaseModel):
@@ -41,7 +45,7 @@ class Gate(_Strict):
     """What a calibration must satisfy for the takes of its mount to count."""
 
     handeye_translation: Length = Field(0.015, alias="handeye.translation", gt=0.0)
-    handeye_rotation: Angle = Field(0.00873, alias="handeye.rotation", gt=0.0)
+    handeye_rotation: Angle = Field(math.radians(0.5), alias="handeye.rotation", gt=0.0)
     max_age: Duration = Field(3600.0, gt=0.0)
     bracket: Length = Field(0.001, gt=0.0)
 
@@ -51,7 +55,7 @@ class Rank(_Strict):
 
     metric: str
     point: Literal["eye", "tcp", "body"] = "eye"
-    statistic: str = "rmse"
+    statistic: Statistic = "rmse"
     min_coverage: Fraction = Field(0.95, ge=0.0, le=1.0)
 
 
@@ -76,6 +80,8 @@ class Suite(_Strict):
         if twice:
             raise ValueError(f"two cases are called {', '.join(sorted(twice))}: an id each")
         for case in self.cases:
+            if case.role == "calibration" and case.repeats > 1:
+                raise ValueError(f"case {case.id} is a calibration, run first and last: no repeats")
             if case.motion not in self.motions:
                 known = ", ".join(self.motions)
                 raise ValueError(f"case {case.id} moves by {case.motion!r}: motions has {known}")
@@ -107,8 +113,11 @@ class Suite(_Strict):
         )
 
     def canonical(self) -> dict[str, Any]:
-        """The suite in JSON's types and SI units, as bundles keep it."""
-        return self.model_dump(mode="json", by_alias=True)
+        """The suite in JSON's types and SI units, as bundles keep it.
+
+        What has its default is left out, so that a knob added later moves no released suite.
+        """
+        return self.model_dump(mode="json", by_alias=True, exclude_defaults=True)
 
     @property
     def digest(self) -> str:
@@ -141,22 +150,30 @@ class Step:
 
     @property
     def name(self) -> str:
-        """The take's name: `<case>.<condition>.m<mount>.r<repeat>`."""
-        return f"{self.case.id}.default.m{self.mount}.r{self.repeat}"
+        return take_name(self.case.id, DEFAULT, self.mount, self.repeat)
 
 
-def load_suite(name: str, others: dict[str, Path] | None = None) -> Suite:
+def take_name(case: str, condition: str, mount: int, repeat: int) -> str:
+    """What a take is called: `<case>.<condition>.m<mount>.r<repeat>`."""
+    return f"{case}.{condition}.m{mount}.r{repeat}"
+
+
+def load_suite(
+    name: str, others: dict[str, Path] | None = None, beside: Path | None = None
+) -> Suite:
     """A suite by path, by name, or by name and version, `gameplay-replay@1`.
 
     Args:
         name: the path or name.
         others: suite files of plugins, by name.
+        beside: the folder that a relative path starts from; the working directory where None.
 
     Raises:
         ConfigError: no such suite or version, or the file is wrong.
     """
-    bare, _, version = name.partition("@") if not Path(name).is_file() else (name, "", "")
-    path = find_file("suites", bare, others)
+    is_path = ((beside or Path()) / name).is_file()
+    bare, _, version = (name, "", "") if is_path else name.partition("@")
+    path = find_file("suites", bare, others, beside)
     suite = _resolve(path, others or {}, ())
     if version and str(suite.version) != version:
         raise ConfigError(
@@ -179,7 +196,7 @@ def _resolve(path: Path, others: dict[str, Path], below: tuple[Path, ...]) -> Su
         )
     name, _, version = str(content.pop("extends")).partition("@")
     try:
-        base_path = find_file("suites", name, others)
+        base_path = find_file("suites", name, others, path.parent)
     except ConfigError as error:
         raise ConfigError(error.what, file=file, field="extends", fix=error.fix) from None
     base = _resolve(base_path, others, (*below, path))

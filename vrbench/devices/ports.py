@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -100,8 +100,11 @@ class Robot(PoseSource, Protocol):
         """A plan that moves the mounted eye as `motion`, `T_eye0_eye` with stamps from 0."""
         ...
 
-    def execute(self, plan: Plan) -> Iterator[float]:
-        """Carries the plan out; yields the part done, 0..1, many times a second."""
+    def execute(self, plan: Plan) -> Generator[float]:
+        """Carries the plan out; yields the part done, 0..1, many times a second.
+
+        Closed before its end, it stops the robot before it returns.
+        """
         ...
 
 

@@ -279,7 +279,9 @@ def _corrected(clock: ClockMap, state: State, middle_ns: int) -> ClockMap:
     """The initial clock with its offset and slope corrected."""
     knots = clock.knots
     if len(knots) == 1:
-        knots = np.array([middle_ns, middle_ns + NS], dtype=np.int64)
+        return ClockMap.affine(
+            middle_ns, float(clock.offset_ns(middle_ns)) / NS + state.offset, state.skew
+        )
     offsets = clock.offset_ns(knots) + state.offset * NS + state.skew * (knots - middle_ns)
     return ClockMap(knots, offsets)
 

@@ -11,7 +11,13 @@ from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent
 
-UNITS = {"clock.offset": "ms", "clock.skew": "ppm", "clock.residual": "ms"}
+UNITS = {
+    "clock.offset": "ms",
+    "clock.skew": "ppm",
+    "clock.residual": "ms",
+    "latency.lead": "ms",
+}
+SOURCE = "headset"
 
 
 def device_time(clock: ClockMap, t_reference: int) -> int:
@@ -26,7 +32,9 @@ def device_time(clock: ClockMap, t_reference: int) -> int:
 def of_take(take: ScoredTake) -> Iterator[Value]:
     """Apparent offset in the middle of the window, mean skew over it, scatter about the map.
 
-    The apparent offset is the clock's minus the lead of the pose prediction.
+    The apparent offset is the clock's minus the lead of the pose prediction. Where the headset
+    answered clock exchanges its poses are stamped on the recorder's clock, so that all that is left
+    of the offset is the lead.
     """
     n = len(take.estimate)
     if n < 2:
@@ -38,6 +46,11 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
     )
     offsets = take.clock.offset_ns(np.array([start, (start + end) // 2, end]))
     yield Value("clock.offset", "value", float(offsets[1]) / 1e6, "ms", n)
+    if SOURCE in take.columns.clocks:
+        yield Value("latency.lead", "value", -float(offsets[1]) / 1e6, "ms", n)
+    else:
+        reason = "the headset's clock was not asked: the lead can't be told from its offset"
+        yield absent("latency.lead", "ms", reason, statistic="value")
     if offsets[0] == offsets[2]:
         reason = "the offset is constant: the take is too short for a skew"
         yield absent("clock.skew", "ppm", reason, statistic="value")

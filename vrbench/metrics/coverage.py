@@ -33,7 +33,7 @@ def covered_ns(good_t: Ints, start: int, end: int, period_ns: float) -> float:
 
 
 def of_take(take: ScoredTake) -> Iterator[Value]:
-    """Time covered by good samples, and how far the last of them comes, in % of the window."""
+    """Time covered by good samples and how far the last comes, in % of the window; epochs."""
     names = "coverage.valid", "coverage.completion"
     if len(take.reference) < 2:
         yield from (
@@ -51,11 +51,13 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
         reached = float(end - start)
     for name, part in zip(names, (covered, reached), strict=True):
         yield Value(name, "value", 100.0 * part / (end - start), "%", len(take.samples))
+    epochs = len(take.samples.epochs)
+    yield Value("coverage.epochs", "count", float(epochs), "count", len(take.samples))
 
 
 FAMILY = Family(
     name="coverage",
     title="For how much of the window the headset gave a pose that counts",
-    units={"coverage.valid": "%", "coverage.completion": "%"},
+    units={"coverage.valid": "%", "coverage.completion": "%", "coverage.epochs": "count"},
     of_take=of_take,
 )

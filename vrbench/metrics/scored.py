@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vrbench.clocks import ClockMap
-from vrbench.geometry import Transform
+from vrbench.geometry import Floats, Transform
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import Trajectory
 
@@ -38,6 +38,9 @@ class ScoredTake:
         y: `T_base_world` fitted over the window; None without `x`.
         anchor_end: end of the anchor window [ns]; None where the case has none.
         sitting_y: `T_base_world` of the calibration, where nothing recentred in between.
+        segment: `all`, or the epoch it lies in.
+        x_covariance: of X (6, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
+        offset_sigma_s: standard deviation of the clock's offset [s].
         clock_fit: what the fit of `clock` says of itself; None where the clocks were given.
     """
 
@@ -52,6 +55,9 @@ class ScoredTake:
     anchor_end: int | None = None
     sitting_y: Transform | None = None
     clock_fit: ClockEvidence | None = None
+    segment: str = "all"
+    x_covariance: Floats | None = None
+    offset_sigma_s: float | None = None
 
     def points(self) -> Iterator[tuple[str, Transform, Transform]]:
         """(name, truth `T_base_point`, estimate `T_world_point`), at the eye and at the tcp.

@@ -34,7 +34,7 @@ class Motion:
     @property
     def digest(self) -> str:
         """Of the name and of the values rounded to 1e-6 m, s and quaternion components."""
-        t = self.trajectory.t // round(DIGEST_STEP * NS)
+        t = np.rint(self.trajectory.t / (DIGEST_STEP * NS)).astype(np.int64)
         values = np.column_stack((self.trajectory.pose.p, self.trajectory.pose.q)) / DIGEST_STEP
         columns = np.column_stack((t, np.rint(values).astype(np.int64)))
         return digest_of({"motion": self.name, "up": "y"}, columns.astype("<i8").tobytes())

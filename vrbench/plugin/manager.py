@@ -20,6 +20,7 @@ from vrbench.errors import ConfigError
 from vrbench.plugin import builtin, hookspecs
 
 if TYPE_CHECKING:
+    from vrbench.config.suite import Suite
     from vrbench.devices.ports import HeadsetSpec, MocapSpec, RobotSpec
     from vrbench.metrics.registry import Family
     from vrbench.recording.importer import Importer
@@ -240,3 +241,23 @@ def check_options(
 def titles(things: Mapping[str, Any]) -> Sequence[tuple[str, str]]:
     """Name and title of each thing."""
     return [(name, getattr(thing, "title", "")) for name, thing in things.items()]
+
+
+def families_of(suite: Suite, plugins: Plugins, file: str | None) -> list[Family]:
+    """The metric families that a suite asks for.
+
+    Raises:
+        ConfigError: there is no such family, or none of them has the metric it ranks by.
+    """
+    families = [
+        pick(plugins.metrics, name, "metric", field="metrics", file=file) for name in suite.metrics
+    ]
+    metrics = {metric for family in families for metric in family.units}
+    if suite.rank.metric not in metrics:
+        raise ConfigError(
+            f"the suite ranks by {suite.rank.metric!r}, which none of its metrics gives",
+            file=file,
+            field="rank.metric",
+            fix=f"they give {', '.join(sorted(metrics))}",
+        )
+    return families

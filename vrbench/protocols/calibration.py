@@ -7,7 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrbench.geometry import Floats, Transform, mean_rotation, relative_angle
+from vrbench.geometry import (
+    Floats,
+    Transform,
+    mean_rotation,
+    quat_conjugate,
+    quat_multiply,
+    quat_to_rotvec,
+    relative_angle,
+)
 from vrbench.trajectory import NS
 
 # How far outside a calibration's box, or from its nearest rotation, a motion may go. Positions
@@ -28,9 +36,11 @@ class Calibration:
         y: `T_base_world`, good until the headset recentres.
         translation_residual_m: root mean square of the held residual at the eye [m].
         rotation_residual_rad: the same of the rotation [rad].
-        start: first and
-        end: last time used, on the reference's clock [ns].
+        start: when its take began and
+        end: ended, by the recorder's clock [ns].
         tcp: poses `T_base_tcp` it was made of, thinned to at most 500.
+        x_covariance: of X (6, 6): rotation vector in `eye` [rad], translation in `tcp` [m]; None
+            where the protocol has none.
     """
 
     take: str
@@ -41,6 +51,7 @@ class Calibration:
     start: int
     end: int
     tcp: Transform
+    x_covariance: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,63 +77,70 @@ def thinned(tcp: Transform) -> Transform:
     return tcp[:: max(1, -(-len(tcp) // KEPT_POSES))]
 
 
-def mean_x(calibrations: Sequence[Calibration]) -> Transform:
-    """The mean of the calibrations' X: of translations, and chordal of rotations."""
-    return Transform(
+def mean_x(calibrations: Sequence[Calibration]) -> tuple[Transform, Floats | None]:
+    """The mean of the calibrations' X, and its covariance.
+
+    Of rotations it is the chordal mean. Calibrations that scatter by more than their covariances
+    say have those stretched until they agree (Birge's ratio). None where one has no covariance.
+    """
+    x = Transform(
         np.mean([c.x.p for c in calibrations], axis=0),
         mean_rotation(np.array([c.x.q for c in calibrations])),
     )
+    covariances = [c.x_covariance for c in calibrations if c.x_covariance is not None]
+    if len(covariances) < len(calibrations):
+        return x, None
+    covariance = np.sum(covariances, axis=0) / len(calibrations) ** 2
+    if len(calibrations) == 1:
+        return x, covariance
+    off = np.array([_difference(c.x, x) for c in calibrations])
+    information = np.linalg.pinv(np.mean(covariances, axis=0), hermitian=True)
+    chi_square = float(np.einsum("ni,ij,nj->", off, information, off))
+    return x, covariance * max(1.0, chi_square / (6 * (len(calibrations) - 1)))
+
+
+def _difference(a: Transform, b: Transform) -> Floats:
+    """How far a is off b (6,): a rotation vector in `eye` [rad], a translation in `tcp` [m]."""
+    turn = quat_to_rotvec(quat_multiply(quat_conjugate(b.q), a.q))
+    return np.concatenate((turn, a.p - b.p))
+
+
+def slip(a: Transform, b: Transform) -> float:
+    """How far apart two X put the eye seen from the tcp, or the tcp seen from the eye [m]."""
+    there, back = a.p - b.p, a.inverse().p - b.inverse().p
+    return float(max(np.linalg.norm(there), np.linalg.norm(back)))
 
 
 def gate(
-    calibrations: Sequence[Calibration], start: int, end: int, tcp: Transform, limits: Limits
+    calibrations: Sequence[Calibration],
+    own: Calibration | None,
+    start: int,
+    end: int,
+    tcp: Transform,
+    limits: Limits,
 ) -> Verdict:
     """Whether a take from start to end [ns], with poses `T_base_tcp` tcp (n,), may rest on these.
 
     Args:
         calibrations: of the take's mount, without the take itself.
-        start: the take's first time, on the reference's clock [ns].
-        end: its last.
+        own: the take's own, where it is a calibration; it must agree with the others, and is
+            bracketed by that agreement.
+        start: when the take began, by the recorder's clock [ns].
+        end: when it ended.
         tcp: its poses.
         limits: of the suite's gate.
     """
     if not calibrations:
         return Verdict("invalid", "no calibration in this mount")
-    for c in calibrations:
-        if c.translation_residual_m > limits.translation_m:
-            return Verdict(
-                "invalid",
-                f"calibration {c.take} leaves {c.translation_residual_m * 1e3:.2f} mm, "
-                f"the gate is {limits.translation_m * 1e3:g} mm",
-            )
-        if c.rotation_residual_rad > limits.rotation_rad:
-            return Verdict(
-                "invalid",
-                f"calibration {c.take} leaves {np.degrees(c.rotation_residual_rad):.3f} deg, "
-                f"the gate is {np.degrees(limits.rotation_rad):.3g} deg",
-            )
-    age = min(max(start - c.end, c.start - end, 0) for c in calibrations) / NS
-    if age > limits.max_age_s:
-        return Verdict(
-            "invalid",
-            f"the nearest calibration is {age / 60:.0f} min away, "
-            f"the gate is {limits.max_age_s / 60:g} min",
-        )
-    before = [c for c in calibrations if c.end <= start]
-    after = [c for c in calibrations if c.start >= end]
-    apart = max(
-        (float(np.linalg.norm(a.x.p - b.x.p)) for a in calibrations for b in calibrations),
-        default=0.0,
-    )
-    if apart > limits.bracket_m:
-        return Verdict(
-            "invalid",
-            f"the mount's calibrations differ by {apart * 1e3:.2f} mm, "
-            f"the gate is {limits.bracket_m * 1e3:g} mm",
-        )
-    notes = []
-    status = "ok"
-    if not (before and after):
+    agreeing = [*calibrations, own] if own else list(calibrations)
+    reason = _residuals(agreeing, limits) or _age(calibrations, start, end, limits)
+    reason = reason or _agreement(agreeing, limits)
+    if reason:
+        return Verdict("invalid", reason)
+    before = any(c.end <= start for c in calibrations)
+    after = any(c.start >= end for c in calibrations)
+    status, notes = "ok", []
+    if own is None and not (before and after):
         status = "unbracketed"
         notes.append("no calibration " + ("after" if before else "before"))
     beyond = excursion(Transform.concatenate(c.tcp for c in calibrations), tcp)
@@ -130,6 +148,41 @@ def gate(
         status = "extrapolated"
         notes.append(str(beyond))
     return Verdict(status, "; ".join(notes))
+
+
+def _residuals(calibrations: Sequence[Calibration], limits: Limits) -> str:
+    for c in calibrations:
+        if c.translation_residual_m > limits.translation_m:
+            return (
+                f"calibration {c.take} leaves {c.translation_residual_m * 1e3:.2f} mm, "
+                f"the gate is {limits.translation_m * 1e3:g} mm"
+            )
+        if c.rotation_residual_rad > limits.rotation_rad:
+            return (
+                f"calibration {c.take} leaves {np.degrees(c.rotation_residual_rad):.3f} deg, "
+                f"the gate is {np.degrees(limits.rotation_rad):.3g} deg"
+            )
+    return ""
+
+
+def _age(calibrations: Sequence[Calibration], start: int, end: int, limits: Limits) -> str:
+    age = min(max(start - c.end, c.start - end, 0) for c in calibrations) / NS
+    if age <= limits.max_age_s:
+        return ""
+    return (
+        f"the nearest calibration is {age / 60:.0f} min away, "
+        f"the gate is {limits.max_age_s / 60:g} min"
+    )
+
+
+def _agreement(calibrations: Sequence[Calibration], limits: Limits) -> str:
+    apart = max(slip(a.x, b.x) for a in calibrations for b in calibrations)
+    if apart <= limits.bracket_m:
+        return ""
+    return (
+        f"the mount's calibrations differ by {apart * 1e3:.2f} mm, "
+        f"the gate is {limits.bracket_m * 1e3:g} mm"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
+from vrbench.clocks import ClockMap
 from vrbench.errors import DataError
 from vrbench.geometry import Transform
 from vrbench.metrics.scored import ScoredTake
@@ -14,11 +15,16 @@ from vrbench.streams import Columns, Samples
 from vrbench.trajectory import Trajectory
 
 HEADSET = "headset/eye"
+# The streams that count as truth, by what suites call them.
 REFERENCES = {"robot": "robot/tcp", "mocap": "mocap/"}
 
 
 class Prepare(Interface):
-    """Makes a take ready for scoring."""
+    """Makes a take ready for scoring.
+
+    `anchor_s` is the length of the anchor window; with `measured`, a clock known from elsewhere,
+    none is estimated.
+    """
 
     def __call__(
         self,
@@ -27,7 +33,7 @@ class Prepare(Interface):
         x: Transform | None,
         *,
         anchor_s: float | None = None,
-        sitting_y: Transform | None = None,
+        measured: ClockMap | None = None,
     ) -> ScoredTake: ...
 
 
@@ -59,14 +65,33 @@ def headset_samples(columns: Columns) -> Samples:
     return columns.poses[HEADSET]
 
 
-def reference_trajectory(columns: Columns, reference: str) -> Trajectory:
+def reference_samples(columns: Columns, reference: str) -> Samples:
     """The stream that counts as truth: `robot` or `mocap`.
 
     Raises:
-        DataError: the take has none.
+        DataError: the take has none, or several bodies of motion capture.
     """
     wanted = REFERENCES[reference]
-    for stream, samples in columns.poses.items():
-        if stream.startswith(wanted):
-            return samples.trajectory()
-    raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")
+    found = [stream for stream in columns.poses if stream.startswith(wanted)]
+    if not found:
+        raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")
+    if len(found) > 1:
+        raise DataError(
+            f"the take has several references: {', '.join(found)}",
+            fix="record the body that carries the headset alone",
+        )
+    return columns.poses[found[0]]
+
+
+def reference_trajectory(columns: Columns, reference: str) -> Trajectory:
+    """The good poses of `reference_samples`."""
+    return reference_samples(columns, reference).trajectory()
+
+
+def recorded_span(columns: Columns, reference: str) -> tuple[int, int]:
+    """When the reference's samples arrived, first and last, by the recorder's clock [ns].
+
+    It orders the takes of a mount even where a device's own clock started anew.
+    """
+    received = reference_samples(columns, reference).receive_t
+    return int(received.min()), int(received.max())

@@ -6,25 +6,43 @@ from dataclasses import replace
 
 import numpy as np
 
+from vrbench.clocks import ClockMap
+from vrbench.errors import EstimationError
 from vrbench.estimation.clock import ClockFit, estimate_clock
-from vrbench.estimation.fit import fit
+from vrbench.estimation.fit import Fit, fit
 from vrbench.estimation.handeye import residuals, solve_handeye
 from vrbench.estimation.interpolation import PoseSpline, paired
 from vrbench.estimation.trim import active_window
-from vrbench.geometry import Transform
+from vrbench.geometry import Floats, Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, thinned
-from vrbench.protocols.protocol import Protocol, headset_samples, reference_trajectory
-from vrbench.streams import Columns
+from vrbench.protocols.protocol import (
+    Protocol,
+    headset_samples,
+    recorded_span,
+    reference_samples,
+)
+from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
 
 
 def _synchronised(columns: Columns, reference: str) -> tuple[Trajectory, Trajectory, ClockFit]:
-    """The reference in its active window, the headset's good poses, and the clock between them."""
-    whole = reference_trajectory(columns, reference)
+    """The reference in its active window, the headset's good poses, and the clock between them.
+
+    The search for the offset is centred on what the times of arrival tell of it, so that clocks
+    that count from a device's start are found too.
+    """
+    truth, headset = reference_samples(columns, reference), headset_samples(columns)
+    whole = truth.trajectory()
     moving = whole.between(*active_window(whole))
-    estimate = headset_samples(columns).trajectory()
-    return moving, estimate, estimate_clock(moving, estimate)
+    estimate = headset.trajectory()
+    around = _behind(headset) - _behind(truth)
+    return moving, estimate, estimate_clock(moving, estimate, around_s=around)
+
+
+def _behind(samples: Samples) -> float:
+    """The median of pose time minus time of arrival [s]."""
+    return float(np.median(samples.pose_t - samples.receive_t)) / NS if len(samples) else 0.0
 
 
 def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
@@ -36,6 +54,11 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
         EstimationError: the take doesn't determine X.
         DataError: a stream is missing.
     """
+    epochs = headset_samples(columns).epochs
+    if len(epochs) > 1:
+        raise EstimationError(
+            f"the headset recentred within the calibration: it has {len(epochs)} epochs"
+        )
     moving, estimate, synchrony = _synchronised(columns, reference)
     spline = PoseSpline(moving)
     covered, tcp = paired(spline, estimate, synchrony.clock)
@@ -50,16 +73,25 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
     )
     covered, tcp = paired(spline, estimate, best.clock)
     translation, rotation = residuals(tcp, estimate.pose[covered], best.x, best.y)
+    began, ended = recorded_span(columns, reference)
     return Calibration(
         take=take,
         x=best.x,
         y=best.y,
         translation_residual_m=float(np.sqrt(np.mean(translation**2))),
         rotation_residual_rad=float(np.sqrt(np.mean(rotation**2))),
-        start=int(moving.t[0]),
-        end=int(moving.t[-1]),
+        start=began,
+        end=ended,
         tcp=thinned(tcp),
+        x_covariance=_x_covariance(best),
     )
+
+
+def _x_covariance(best: Fit) -> Floats:
+    """Of X (6, 6), from that of all that was fitted."""
+    first = best.names.index("x.rx")
+    part: Floats = best.covariance[first : first + 6, first : first + 6]
+    return part
 
 
 def prepare(
@@ -68,7 +100,7 @@ def prepare(
     x: Transform | None,
     *,
     anchor_s: float | None = None,
-    sitting_y: Transform | None = None,
+    measured: ClockMap | None = None,
 ) -> ScoredTake:
     """A take on the reference's clock; with X, offset and Y are fitted, and nothing else.
 
@@ -78,10 +110,12 @@ def prepare(
     """
     moving, estimate, synchrony = _synchronised(columns, reference)
     spline = PoseSpline(moving)
-    clock, y = synchrony.clock, None
+    clock, y, sigma = measured or synchrony.clock, None, None
     if x is not None:
-        best = fit(spline, estimate, clock=clock, x=x, free=("offset", "y"))
+        free = ("y",) if measured else ("offset", "y")
+        best = fit(spline, estimate, clock=clock, x=x, free=free)
         clock, y = best.clock, best.y
+        sigma = None if measured else best.sigma("offset")
         middle = int(estimate.t[len(estimate) // 2])
         synchrony = replace(synchrony, clock=clock, offset_s=float(clock.offset_ns(middle)) / NS)
     covered, truth = paired(spline, estimate, clock)
@@ -98,8 +132,8 @@ def prepare(
         x=x,
         y=y,
         anchor_end=None if anchor_s is None else int(moving.t[0]) + round(anchor_s * NS),
-        sitting_y=sitting_y,
         clock_fit=synchrony,
+        offset_sigma_s=sigma,
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from vrbench.devices.ports import HostClock, PoseSource
@@ -19,7 +20,7 @@ def record_take(
     path: Path,
     metadata: Mapping[str, str],
     sources: Sequence[PoseSource],
-    movement: Iterable[float],
+    movement: Generator[float],
     host: HostClock,
     progress: Progress,
 ) -> Mapping[str, int]:
@@ -29,7 +30,8 @@ def record_take(
         path: where the take will be; its stem is the take's name.
         metadata: facts of the take.
         sources: everything that sends poses, connected.
-        movement: yields the part done, often; moves the robot while it is iterated.
+        movement: yields the part done, often; moves the robot while it is iterated, and stops it
+            when it is closed.
         host: the recorder's clock.
         progress: called after each look at the sources.
 
@@ -51,9 +53,12 @@ def record_take(
         writer.write(Columns({}, events=[Event(host.now(), "phase", {"name": phase})]))
 
     with TakeWriter(path, metadata) as writer:
-        try:
+        with ExitStack() as running:
             for source in sources:
                 source.start(path.stem)
+                running.callback(source.stop)
+            # Whatever happens, the movement is ended first: closing it stops the robot.
+            running.callback(movement.close)
             host.wait(SETTLE_S)
             mark(writer, "move")
             for done in movement:
@@ -61,8 +66,5 @@ def record_take(
                 progress(received, done)
             mark(writer, "rest")
             host.wait(SETTLE_S)
-        finally:
-            for source in sources:
-                source.stop()
         drain(writer)
     return received

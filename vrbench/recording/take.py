@@ -96,6 +96,12 @@ class TakeWriter:
             channel = self._channel("/events", cdr.EVENT)
             rows.append((event.t, event.t, channel, cdr.encode_event(event)))
         rows.sort(key=lambda row: row[0])
+        if rows and rows[0][0] < 0:
+            raise DataError(
+                f"a stamp lies {-rows[0][0] / 1e9:.9g} s before 1970",
+                file=self.path,
+                fix="stamps are nanoseconds since 1970, or since the device's start",
+            )
         for log_time, publish_time, channel, data in rows:
             self._writer.add_message(channel, log_time, data, publish_time)
 

@@ -36,6 +36,13 @@ class DeviceRecord(_Record):
     prediction: str = "unknown"
 
 
+class AccuracyRecord(_Record):
+    """How accurate a reference is over the motion's box, and who says so."""
+
+    metres: float
+    source: str
+
+
 class TakeRecord(_Record):
     """One take of the run."""
 
@@ -49,7 +56,8 @@ class TakeRecord(_Record):
     motion: str
     motion_digest: str
     speed: float = 1.0
-    fraction: float | None = None
+    stretch: float = 1.0
+    fraction: float = 1.0
     repairs: list[str] = []
 
     @property
@@ -70,6 +78,7 @@ class RunRecord(_Record):
     sitting: str
     device: DeviceRecord
     references: list[str]
+    accuracy: dict[str, AccuracyRecord] = {}
     seed: int | None = None
     versions: dict[str, str]
     files: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""`calibration.json`: what each mount's calibrations found, by reference."""
+"""`calibration.json`: what the calibrations found, by protocol and reference."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from vrbench.protocols.calibration import Calibration
 from vrbench.results.bundle import replace_text
@@ -14,21 +15,32 @@ from vrbench.results.bundle import replace_text
 def write_calibrations(
     path: Path, protocol: str, found: Mapping[str, Sequence[Calibration]]
 ) -> None:
-    """Writes X, Y and residuals of the calibrations found for each reference."""
+    """Writes what a protocol found for each reference; what other protocols found stays."""
     content = {
-        "protocol": protocol,
-        "references": {
-            reference: [
-                {
-                    "take": c.take,
-                    "tcp_eye": {"p_m": c.x.p.tolist(), "q_xyzw": c.x.q.tolist()},
-                    "base_world": {"p_m": c.y.p.tolist(), "q_xyzw": c.y.q.tolist()},
-                    "residual_mm": c.translation_residual_m * 1e3,
-                    "residual_deg": math.degrees(c.rotation_residual_rad),
-                }
-                for c in calibrations
-            ]
-            for reference, calibrations in found.items()
-        },
+        reference: [_entry(calibration) for calibration in calibrations]
+        for reference, calibrations in found.items()
     }
-    replace_text(path, json.dumps(content, indent=1))
+    protocols = {**_protocols(path), protocol: content}
+    replace_text(path, json.dumps({"protocols": protocols}, indent=1, sort_keys=True))
+
+
+def _entry(calibration: Calibration) -> dict[str, Any]:
+    x, y, covariance = calibration.x, calibration.y, calibration.x_covariance
+    return {
+        "take": calibration.take,
+        "tcp_eye": {"p_m": x.p.tolist(), "q_xyzw": x.q.tolist()},
+        "tcp_eye_covariance": None if covariance is None else covariance.tolist(),
+        "base_world": {"p_m": y.p.tolist(), "q_xyzw": y.q.tolist()},
+        "residual_mm": calibration.translation_residual_m * 1e3,
+        "residual_deg": math.degrees(calibration.rotation_residual_rad),
+    }
+
+
+def _protocols(path: Path) -> dict[str, Any]:
+    """What stands in the file already; a file of another shape is made anew."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    protocols = content.get("protocols") if isinstance(content, dict) else None
+    return protocols if isinstance(protocols, dict) else {}

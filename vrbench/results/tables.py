@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from io import StringIO
 from pathlib import Path
@@ -15,6 +15,8 @@ from vrbench.results.bundle import replace_text
 
 # Worst first: pooled rows take the worst status of what they pool.
 STATUSES = ("failed", "invalid", "extrapolated", "unbracketed", "skipped", "ok")
+# The values of the columns that rows are pooled over.
+Member = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,10 @@ class Row:
     @property
     def key(self) -> tuple[str, ...]:
         return astuple(self)[: COLUMNS.index("value")]
+
+    def over(self, *columns: str) -> Row:
+        """The row with `all` in these columns of text."""
+        return replace(self, **dict.fromkeys(columns, "all"))  # type: ignore[arg-type]
 
 
 COLUMNS = [field.name for field in fields(Row)]
@@ -99,48 +105,80 @@ def _row(cells: dict[str, str]) -> Row:
     return Row(**{**cells, **numbers, "samples": int(cells["samples"])})  # type: ignore[arg-type]
 
 
-def pool(rows: Sequence[Row]) -> list[Row]:
-    """Rows over all mounts and repeats, of those takes' rows that share all else.
+def pool(rows: Sequence[Row], over: Sequence[str], members: Mapping[Member, str]) -> list[Row]:
+    """Rows over all members of some columns, of those rows that share all other columns.
 
     rmse, mean, std, min, max and sse are those of all samples together; other statistics are not
-    pooled, because they don't follow from those of the parts.
+    pooled, because they don't follow from those of the parts. Where a member has no number, there
+    is none for all together either: one row says so, and why.
+
+    Args:
+        rows: of the parts; those that are `all` in these columns already are passed over.
+        over: the columns, `mount` and `repeat` for a case's takes, `segment` for a take's epochs.
+        members: all that there should be, as values of these columns; each with why it has no
+            numbers, empty where it should have them.
     """
-    groups: dict[tuple[str, ...], list[Row]] = defaultdict(list)
+    if len(members) < 2:
+        return []
+    groups: dict[tuple[str, ...], dict[Member, dict[str, Row]]] = defaultdict(
+        lambda: defaultdict(dict)
+    )
     for row in rows:
-        wide = replace(row, mount="all", repeat="all", statistic="")
-        groups[wide.key].append(row)
-    return [row for group in groups.values() for row in _pooled(group)]
+        member = tuple(getattr(row, column) for column in over)
+        if member in members:
+            key = replace(row.over(*over), statistic="").key
+            groups[key][member][row.statistic] = row
+    pooled: list[Row] = []
+    for parts in groups.values():
+        if any("rmse" in part for part in parts.values()):
+            missing = _missing(parts, over, members)
+            pooled += [missing] if missing else _pooled(list(parts.values()), over)
+    return pooled
 
 
-def _pooled(group: Sequence[Row]) -> Iterable[Row]:
-    takes: dict[tuple[str, str], dict[str, Row]] = defaultdict(dict)
-    for row in group:
-        takes[row.mount, row.repeat][row.statistic] = row
-    parts = [take for take in takes.values() if {"rmse", "mean"} <= take.keys()]
-    sound = [p for p in parts if p["rmse"].value is not None and p["mean"].value is not None]
-    if len(takes) < 2 or len(sound) < len(takes):
-        return
-    n = sum(p["rmse"].samples for p in sound)
-    square = sum((p["rmse"].value or 0.0) ** 2 * p["rmse"].samples for p in sound) / n
-    mean = sum((p["mean"].value or 0.0) * p["mean"].samples for p in sound) / n
-    worst = min((p["rmse"] for p in sound), key=lambda row: STATUSES.index(row.status))
-    numbers = {
-        "rmse": math.sqrt(square),
-        "mean": mean,
-        "std": math.sqrt(max(square - mean**2, 0.0)),
-        "sse": square * n,
-    }
+def _missing(
+    parts: Mapping[Member, Mapping[str, Row]], over: Sequence[str], members: Mapping[Member, str]
+) -> Row | None:
+    """The row that says which member has no number, and why; None where all have one."""
+    for member, why in members.items():
+        rmse = parts.get(member, {}).get("rmse")
+        if rmse is None or rmse.value is None:
+            like = next(part["rmse"] for part in parts.values() if "rmse" in part)
+            reason = (rmse.reason if rmse else "") or why or "it has no such number"
+            named = " ".join(f"{c} {v}" for c, v in zip(over, member, strict=True))
+            return replace(
+                like.over(*over),
+                value=None,
+                ci_low=None,
+                ci_high=None,
+                ci_scope="",
+                samples=0,
+                status=rmse.status if rmse else "failed",
+                reason=f"{named}: {reason}",
+            )
+    return None
+
+
+def _pooled(parts: Sequence[Mapping[str, Row]], over: Sequence[str]) -> Iterable[Row]:
+    n = sum(p["rmse"].samples for p in parts)
+    square = sum((p["rmse"].value or 0.0) ** 2 * p["rmse"].samples for p in parts) / n
+    worst = min((p["rmse"] for p in parts), key=lambda row: STATUSES.index(row.status))
+    numbers = {"rmse": math.sqrt(square), "sse": square * n}
+    if all("mean" in p and p["mean"].value is not None for p in parts):
+        mean = sum((p["mean"].value or 0.0) * p["mean"].samples for p in parts) / n
+        numbers |= {"mean": mean, "std": math.sqrt(max(square - mean**2, 0.0))}
     for name, choose in (("min", min), ("max", max)):
-        ends = [p[name].value for p in sound if name in p]
-        if len(ends) == len(sound):
+        ends = [p[name].value for p in parts if name in p]
+        if len(ends) == len(parts):
             numbers[name] = choose(value for value in ends if value is not None)
     for statistic, value in numbers.items():
-        if statistic in sound[0]:
+        if statistic in parts[0]:
             yield replace(
-                sound[0][statistic],
-                mount="all",
-                repeat="all",
+                parts[0][statistic].over(*over),
                 value=value,
+                ci_low=None,
+                ci_high=None,
+                ci_scope="",
                 samples=n,
                 status=worst.status,
                 reason=worst.reason,

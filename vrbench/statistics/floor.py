@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,16 @@ from vrbench.errors import EstimationError
 from vrbench.estimation.alignment import align
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.geometry import Floats, Transform
+from vrbench.metrics.compared import MM
+from vrbench.metrics.registry import Value
+from vrbench.metrics.scored import ScoredTake
+from vrbench.statistics.uncertainty import moved_x
 from vrbench.trajectory import Trajectory
 
 # A cubic spline errs with the fourth power of the period.
 SPLINE_ORDER = 4
 KEPT_POSES = 500
+X_DRAWS = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +79,44 @@ def noise_floor(
         offset=offset_sigma_s * _rms(speed),
         interpolation=interpolation_term(at_point),
     )
+
+
+def floor_values(
+    take: ScoredTake, reference_accuracy_m: float | None, rng: np.random.Generator
+) -> Iterator[Value]:
+    """The floor of a take at both points, term by term; the total only where all are known.
+
+    Args:
+        take: with X and its covariance; without, there is no floor to state.
+        reference_accuracy_m: as the rig states it [m]; None where it doesn't.
+        rng: where the draws of X come from.
+    """
+    if take.x is None or take.x_covariance is None or take.offset_sigma_s is None:
+        return
+    dx = rng.multivariate_normal(np.zeros(6), take.x_covariance, X_DRAWS, method="eigh")
+    for point in ("eye", "tcp"):
+        floor = noise_floor(
+            take.reference,
+            take.x,
+            moved_x(take.x, dx),
+            point,
+            reference_accuracy_m=reference_accuracy_m or 0.0,
+            offset_sigma_s=take.offset_sigma_s,
+        )
+        terms = {"x": floor.x, "offset": floor.offset, "interpolation": floor.interpolation}
+        stated = {"reference": floor.reference, "total": floor.total}
+        for name, metres in {**terms, **stated}.items():
+            unknown = name in stated and reference_accuracy_m is None
+            yield Value(
+                f"floor.{name}",
+                "value",
+                None if unknown else metres * MM,
+                "mm",
+                len(take.estimate),
+                point=point,
+                segment=take.segment,
+                reason="the reference's accuracy isn't stated" if unknown else "",
+            )
 
 
 def x_term(tcp: Transform, x: Transform, draws: Transform, point: str) -> float:

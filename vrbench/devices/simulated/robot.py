@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Generator
 from types import TracebackType
 from typing import Self
 
@@ -73,7 +73,7 @@ class SimulatedRobot:
         content = np.column_stack((target.t / NS, target.pose.p, target.pose.q)).round(9)
         return Plan(target, hashlib.sha256(content.tobytes()).hexdigest())
 
-    def execute(self, plan: Plan) -> Iterator[float]:
+    def execute(self, plan: Plan) -> Generator[float]:
         host, options = self._session.host, self._options
         rng = rng_of(self._session.seed, "robot", self._take)
         begin = host.now()

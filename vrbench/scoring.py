@@ -1,0 +1,278 @@
+"""Scores one take against one reference: values, their intervals, and the gate's verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from zlib import crc32
+
+import numpy as np
+
+from vrbench.config.suite import Suite
+from vrbench.errors import DataError, EstimationError
+from vrbench.geometry import Floats, Transform
+from vrbench.metrics.registry import Family, Value
+from vrbench.metrics.scored import ScoredTake
+from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_x
+from vrbench.protocols.protocol import HEADSET, Protocol, headset_samples, recorded_span
+from vrbench.results.bundle import RunRecord, TakeRecord
+from vrbench.results.tables import Member, Row, pool
+from vrbench.statistics.bootstrap import Interval
+from vrbench.statistics.floor import floor_values
+from vrbench.statistics.uncertainty import ErrorModel, Key, error_models, intervals
+from vrbench.streams import Columns
+
+SUFFICIENT = ("ok", "unbracketed", "extrapolated")
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What is the same for all takes of a run.
+
+    Attributes:
+        record: the run's.
+        suite: its suite, resolved.
+        families: the metrics to compute.
+        protocol: how to score.
+        reference: `robot` or `mocap`.
+    """
+
+    record: RunRecord
+    suite: Suite
+    families: Sequence[Family]
+    protocol: Protocol
+    reference: str
+
+    def row(self, take: TakeRecord, value: Value, verdict: Verdict) -> Row:
+        """A value of a take as a row; what has no number says why."""
+        status, reason = verdict.status, verdict.reason
+        if value.value is None and status in SUFFICIENT:
+            status, reason = "skipped", value.reason
+        return Row(
+            protocol=self.protocol.name,
+            device=self.record.device.headset,
+            suite=self.suite.label,
+            case=take.case,
+            condition=take.condition,
+            sitting=self.record.sitting,
+            mount=str(take.mount),
+            repeat=str(take.repeat),
+            segment=value.segment,
+            reference=self.reference,
+            variant=value.variant,
+            metric=value.metric,
+            point=value.point,
+            band=value.band,
+            statistic=value.statistic,
+            value=value.value,
+            unit=value.unit,
+            samples=value.samples,
+            status=status,
+            reason=reason,
+        )
+
+    def rng(self, *names: str) -> np.random.Generator:
+        """A generator of its own for each name, the same in every evaluation."""
+        return np.random.default_rng([crc32(name.encode()) for name in (self.reference, *names)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scored:
+    """A take, scored.
+
+    Attributes:
+        take: its record.
+        rows: its rows.
+        verdict: how it counts; `failed` where it could not be scored.
+        whole: the take made ready, for what only several takes tell together; None if it failed.
+        models: of its errors, by metric and point; empty where it has no X or several epochs.
+        x_covariance: of the X it was scored with.
+    """
+
+    take: TakeRecord
+    rows: Sequence[Row]
+    verdict: Verdict
+    whole: ScoredTake | None = None
+    models: Mapping[Key, ErrorModel] = field(default_factory=dict)
+    x_covariance: Floats | None = None
+
+
+def score(
+    rules: Rules,
+    take: TakeRecord,
+    columns: Columns,
+    calibrations: Mapping[str, Calibration],
+    failures: Mapping[str, str],
+) -> Scored:
+    """The rows of one take.
+
+    Args:
+        rules: of the run.
+        take: its record.
+        columns: its content.
+        calibrations: those of its mount that succeeded, by take; its own is not used to score it.
+        failures: why the others didn't.
+    """
+    others = [c for name, c in calibrations.items() if name != take.name]
+    x, covariance = mean_x(others) if others else (None, None)
+    try:
+        whole, parts = _prepared(rules, take, columns, x, covariance)
+    except (EstimationError, DataError) as error:
+        failed = Verdict("failed", str(error))
+        rows = [rules.row(take, value, failed) for value in absent_values(rules.families)]
+        return Scored(take, rows, failed)
+    verdict = _verdict(rules, take, columns, whole, calibrations, failures)
+    rows = list(_own_rows(rules, take, whole))
+    models: Mapping[Key, ErrorModel] = {}
+    for segment, part in parts.items():
+        found = list(_pose_rows(rules, take, segment, part, verdict))
+        if isinstance(part, ScoredTake) and part.x is not None:
+            if covariance is not None:
+                models = error_models(part)
+                found = _with_intervals(rules, found, take.name, models, covariance)
+            stated = rules.record.accuracy.get(rules.reference)
+            floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
+            found += [rules.row(take, value, verdict) for value in floor]
+        rows += found
+    if len(parts) > 1:
+        why: dict[Member, str] = {
+            (segment,): part if isinstance(part, str) else "" for segment, part in parts.items()
+        }
+        rows += pool(rows, ("segment",), why)
+        models = {}
+    return Scored(take, rows, verdict, whole, models, covariance)
+
+
+def _prepared(
+    rules: Rules,
+    take: TakeRecord,
+    columns: Columns,
+    x: Transform | None,
+    covariance: Floats | None,
+) -> tuple[ScoredTake, dict[str, ScoredTake | str]]:
+    """The take as a whole, and by epoch: each ready, or why it isn't."""
+    anchor_s = rules.suite.case(take.case).anchor
+    epochs = headset_samples(columns).epochs
+    several = len(epochs) > 1
+    # No one world spans several epochs, so as a whole such a take has no X to be compared by.
+    whole = rules.protocol.prepare(
+        columns, rules.reference, None if several else x, anchor_s=anchor_s
+    )
+    if not several:
+        whole = replace(whole, x_covariance=covariance)
+        return whole, {"all": whole}
+    parts: dict[str, ScoredTake | str] = {}
+    for epoch in epochs:
+        segment = f"epoch:{epoch}"
+        try:
+            part = rules.protocol.prepare(_epoch(columns, epoch), rules.reference, x)
+            parts[segment] = replace(part, segment=segment, x_covariance=covariance)
+        except EstimationError as error:
+            parts[segment] = str(error)
+    return whole, parts
+
+
+def _epoch(columns: Columns, epoch: int) -> Columns:
+    samples = headset_samples(columns)
+    return replace(columns, poses={**columns.poses, HEADSET: samples[samples.epoch == epoch]})
+
+
+def _own_rows(rules: Rules, take: TakeRecord, whole: ScoredTake) -> Iterator[Row]:
+    """What needs no X, of the take as a whole."""
+    for family in rules.families:
+        if "x" not in family.needs:
+            yield from family_rows(rules, take, family, whole, Verdict())
+
+
+def _pose_rows(
+    rules: Rules, take: TakeRecord, segment: str, part: ScoredTake | str, verdict: Verdict
+) -> Iterator[Row]:
+    """What needs X, of one epoch; where X or the epoch is wanting, why."""
+    for family in rules.families:
+        if "x" not in family.needs:
+            continue
+        if isinstance(part, ScoredTake) and part.x is not None:
+            yield from family_rows(rules, take, family, part, verdict)
+        else:
+            failed = Verdict("failed", part) if isinstance(part, str) else verdict
+            for value in absent_values([family]):
+                yield rules.row(take, replace(value, segment=segment), failed)
+
+
+def family_rows(
+    rules: Rules, take: TakeRecord, family: Family, part: ScoredTake, verdict: Verdict
+) -> list[Row]:
+    """A family's rows. One that fails, a plugin's perhaps, costs its own rows and no others."""
+    if family.of_take is None:
+        return []
+    try:
+        values = [replace(value, segment=part.segment) for value in family.of_take(part)]
+        odd = next((v for v in values if v.value is not None and not np.isfinite(v.value)), None)
+        if odd is not None:
+            raise ValueError(f"{odd.metric} {odd.statistic} is {odd.value}")
+    except EstimationError as error:
+        verdict, values = Verdict("skipped", str(error)), list(absent_values([family]))
+    except Exception as error:
+        why = f"metric {family.name} failed: {type(error).__name__}: {error}"
+        verdict, values = Verdict("failed", why), list(absent_values([family]))
+    return [rules.row(take, value, verdict) for value in values]
+
+
+def absent_values(families: Sequence[Family]) -> Iterator[Value]:
+    """One value without a number for each metric, to carry the reason."""
+    for family in families:
+        if family.of_take is not None:
+            for metric, unit in family.units.items():
+                yield Value(metric, "value", None, unit, 0)
+
+
+def _with_intervals(
+    rules: Rules,
+    rows: Iterable[Row],
+    name: str,
+    models: Mapping[Key, ErrorModel],
+    covariance: Floats | None,
+) -> list[Row]:
+    """The rows, those that have one with their interval over this take alone."""
+    found = intervals([models], [covariance], [("", "")], rules.rng(name))
+    return [with_interval(row, found) for row in rows]
+
+
+def with_interval(row: Row, found: Mapping[tuple[str, str, str], Interval]) -> Row:
+    """The row with the interval of its metric, point and statistic, if there is one."""
+    interval = found.get((row.metric, row.point, row.statistic))
+    if interval is None or row.band != "all" or row.value is None or row.variant != "main":
+        return row
+    return replace(row, ci_low=interval.low, ci_high=interval.high, ci_scope=interval.scope)
+
+
+def _verdict(
+    rules: Rules,
+    take: TakeRecord,
+    columns: Columns,
+    scored: ScoredTake,
+    calibrations: Mapping[str, Calibration],
+    failures: Mapping[str, str],
+) -> Verdict:
+    """What the gate says of a take, and which calibrations it had to do without."""
+    own = calibrations.get(take.name)
+    others = [c for c in calibrations.values() if c is not own]
+    told = "; ".join(f"{name}: {why}" for name, why in failures.items() if name != take.name)
+    if not others and take.role == "calibration" and not told:
+        return Verdict("skipped", "no other calibration of this mount to score it with")
+    if not others and told:
+        return Verdict("invalid", f"no calibration of this mount succeeded: {told}")
+    if not others and "x" not in rules.suite.case(take.case).needs:
+        return Verdict("skipped", "no calibration in this mount, and the case asks for none")
+    bounds = rules.suite.gate
+    limits = Limits(
+        translation_m=bounds.handeye_translation,
+        rotation_rad=bounds.handeye_rotation,
+        max_age_s=bounds.max_age,
+        bracket_m=bounds.bracket,
+    )
+    began, ended = recorded_span(columns, rules.reference)
+    verdict = gate(others, own, began, ended, scored.truth, limits)
+    if told and verdict.status != "ok":
+        return Verdict(verdict.status, f"{verdict.reason}; failed: {told}")
+    return verdict

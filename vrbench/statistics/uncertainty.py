@@ -1,0 +1,145 @@
+"""How sure an error is: intervals of a take's or a run's rmse and mean, with X redrawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
+from vrbench.metrics.compared import MM, aligned
+from vrbench.metrics.scored import ScoredTake
+from vrbench.statistics.bootstrap import Interval, Series, Statistic, bootstrap
+from vrbench.trajectory import NS
+
+# Errors are averaged over bins this long: far below the time over which they are correlated.
+BIN_S = 0.1
+STATISTICS: tuple[Statistic, ...] = ("rmse", "mean")
+REPLICATES = 500
+# Step of X for its derivatives [rad, m]; errors are all but linear over much longer ones.
+STEP = 1e-4
+
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorModel:
+    """The square of an error over a take, in bins of time, as a quadratic function of X.
+
+    Attributes:
+        constant: mean square error in each bin (b,), in the square of the error's unit.
+        linear: its gradient (b, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
+        quadratic: and half its curvature (b, 6, 6).
+    """
+
+    constant: Floats
+    linear: Floats
+    quadratic: Floats
+
+    def errors(self, dx: Floats) -> Floats:
+        """Errors (m, b) with X off by dx (m, 6)."""
+        square = self.constant + dx @ self.linear.T
+        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        return np.sqrt(np.maximum(square, 0.0))
+
+
+def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
+    """Models of the aligned errors of translation [mm] and rotation [deg], at the eye and the tcp.
+
+    Returns:
+        by metric and point.
+
+    Raises:
+        EstimationError: the take has no X, or can't be aligned.
+    """
+    if take.x is None:
+        return {}
+    here = dict(error_vectors(take))
+    derivatives: dict[Key, list[Floats]] = {key: [] for key in here}
+    for dx in STEP * np.eye(6):
+        for key, there in error_vectors(replace(take, x=moved_x(take.x, dx))):
+            derivatives[key].append((there - here[key]) / STEP)
+    bins = np.floor((take.estimate.t - take.estimate.t[0]) / (BIN_S * NS)).astype(np.int64)
+    _, bins = np.unique(bins, return_inverse=True)
+    return {
+        key: _model(error, np.stack(derivatives[key], axis=2), bins) for key, error in here.items()
+    }
+
+
+def moved_x(x: Transform, dx: Floats) -> Transform:
+    """X off by dx (..., 6): a rotation vector in `eye` [rad], a translation in `tcp` [m]."""
+    return Transform(x.p + dx[..., 3:], quat_multiply(x.q, rotvec_to_quat(dx[..., :3])))
+
+
+def intervals(
+    models: Sequence[Mapping[Key, ErrorModel]],
+    covariances: Sequence[Floats | None],
+    places: Sequence[tuple[str, str]],
+    rng: np.random.Generator,
+) -> dict[tuple[str, str, str], Interval]:
+    """Intervals by metric, point and statistic, over the takes of one case together.
+
+    Args:
+        models: of each take.
+        covariances: of the X that each take was scored with (6, 6); None if it isn't known.
+        places: sitting and mount of each take; takes of one mount share one X.
+        rng: where the randomness comes from.
+    """
+    found: dict[tuple[str, str, str], Interval] = {}
+    for key in models[0]:
+        if not all(key in model for model in models):
+            continue
+        own = [model[key] for model in models]
+        series = [
+            Series(model.errors(np.zeros((1, 6)))[0], mount=mount, sitting=sitting)
+            for model, (sitting, mount) in zip(own, places, strict=True)
+        ]
+
+        def redraw(
+            rng: np.random.Generator, count: int, own: Sequence[ErrorModel] = own
+        ) -> list[Floats]:
+            drawn: dict[tuple[str, str], Floats] = {}
+            for place, covariance in zip(places, covariances, strict=True):
+                if place not in drawn:
+                    drawn[place] = _draws(covariance, count, rng)
+            return [model.errors(drawn[place]) for model, place in zip(own, places, strict=True)]
+
+        for statistic in STATISTICS:
+            found[*key, statistic] = bootstrap(
+                series, rng, statistic=statistic, replicates=REPLICATES, redraw=redraw
+            )
+    return found
+
+
+def _draws(covariance: Floats | None, count: int, rng: np.random.Generator) -> Floats:
+    if covariance is None:
+        return np.zeros((count, 6))
+    return rng.multivariate_normal(np.zeros(6), covariance, size=count, method="eigh")
+
+
+def error_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
+    """Aligned error vectors (n, 3), translation [mm] and rotation [deg], by metric and point.
+
+    Raises:
+        EstimationError: the take has no X, or can't be aligned.
+    """
+    for at in aligned(take):
+        yield ("ape.translation.aligned", at.point), MM * at.translation()
+        yield ("ape.rotation.aligned", at.point), np.degrees(at.rotation())
+
+
+def _model(error: Floats, derivative: Floats, bins: np.ndarray) -> ErrorModel:
+    """Of error vectors (n, 3), their derivatives (n, 3, 6) by X, and the bin of each (n,)."""
+    count = np.bincount(bins)
+
+    def binned(values: Floats) -> Floats:
+        flat = values.reshape(len(values), -1)
+        sums = np.stack([np.bincount(bins, column) for column in flat.T], axis=1)
+        return (sums / count[:, None]).reshape(len(count), *values.shape[1:])
+
+    return ErrorModel(
+        constant=binned(np.einsum("ni,ni->n", error, error)),
+        linear=binned(2.0 * np.einsum("ni,nij->nj", error, derivative)),
+        quadratic=binned(np.einsum("nij,nik->njk", derivative, derivative)),
+    )
