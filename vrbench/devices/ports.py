@@ -142,8 +142,8 @@ class Tracking:
         interval_jitter_s: rms of the sampling instants about the nominal rate [s].
         lost_per_minute: mean number of times tracking is lost in a minute.
         lost_s: how long each loss lasts [s].
-        prediction_s: how far ahead of its stamp a pose is predicted, with constant velocities: it
-            errs by half the square of this times the acceleration [s].
+        prediction_s: how far ahead of its stamp a pose is predicted. The prediction knows no
+            acceleration: it errs by half of that times the square of this [s].
         scale_error: its distances too long by this, relative; ref/est is 1 / (1 + this).
         drift_m_per_min: slow drift of its world, in a direction of chance [m/min].
         drift_rad_per_min: the same of yaw, to a side of chance [rad/min].

@@ -28,8 +28,8 @@ from vrbench.trajectory import NS
 
 # From base axes (z up) to a world as runtimes have it (y up).
 Y_UP = Transform.of((0.0, 0.0, 0.0), (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
-# Over which velocities are taken: more than a step of the planned motion.
-BASELINE_NS = 10_000_000
+# Over which accelerations are taken: more than a step of the planned motion.
+BASELINE_NS = 20_000_000
 
 
 class Options(BaseModel):
@@ -182,19 +182,24 @@ class SimulatedHeadset:
         return Transform(p * (1.0 + tracking.scale_error), quat_multiply(turn, pose.q))
 
     def _predicted(self, t: Ints) -> Transform:
-        """`T_base_eye` (n,), moved on from host times t (n,) with the velocities it has there."""
+        """`T_base_eye` (n,) that it tells at host times t (n,): of a moment later, less what a
+        prediction with constant velocities misses by then, half the acceleration times lead^2.
+        """
         lead = self._tracking.prediction_s
-        now = self._stage.tcp(t) @ self._x
+        ahead = t + round(lead * NS)
+        pose = self._stage.tcp(ahead) @ self._x
         if not lead:
-            return now
+            return pose
         before, after = (
-            self._stage.tcp(t + side) @ self._x for side in (-BASELINE_NS, BASELINE_NS)
+            self._stage.tcp(ahead + side) @ self._x for side in (-BASELINE_NS, BASELINE_NS)
         )
-        steps = lead * NS / (2 * BASELINE_NS)
-        turned = quat_to_rotvec(quat_multiply(quat_conjugate(before.q), after.q))
+        missed = -0.5 * (lead * NS / BASELINE_NS) ** 2
+        back = quat_conjugate(pose.q)
+        turned = quat_to_rotvec(quat_multiply(back, before.q))
+        turned += quat_to_rotvec(quat_multiply(back, after.q))
         return Transform(
-            now.p + steps * (after.p - before.p),
-            quat_multiply(now.q, rotvec_to_quat(steps * turned)),
+            pose.p + missed * (before.p + after.p - 2.0 * pose.p),
+            quat_multiply(pose.q, rotvec_to_quat(missed * turned)),
         )
 
     def _erring(self, pose: Transform, since: Floats, white: Floats) -> Transform:
