@@ -32,6 +32,17 @@ def one(rows: list[Row], **wanted: str) -> Row:
     return found[0]
 
 
+EYE = {
+    "case": "replay",
+    "metric": "ape.translation.aligned",
+    "point": "eye",
+    "statistic": "rmse",
+    "variant": "main",
+    "band": "all",
+    "segment": "all",
+}
+
+
 def forget(run: Path, case: str, repeat: int) -> Bundle:
     """The run without one of its takes."""
     record = json.loads((run / "run.json").read_text())
@@ -73,16 +84,7 @@ def test_the_clock_finds_the_offset(run: Path) -> None:
 def test_the_error_found_is_the_error_made(run: Path) -> None:
     """1.2 mm rms on each axis is 2.1 mm; half a minute's alignment takes some of the slow part."""
     rows = read_rows(run / TABLE)
-    row = one(
-        rows,
-        case="replay",
-        repeat="1",
-        metric="ape.translation.aligned",
-        point="eye",
-        statistic="rmse",
-        variant="main",
-        band="all",
-    )
+    row = one(rows, repeat="1", **EYE)
     assert 1.2 < row.value < 2.4
     assert row.unit == "mm"
     assert row.samples > 1500
@@ -148,16 +150,7 @@ def test_in_sample_numbers_are_labelled_and_never_worse_by_much(run: Path) -> No
 
 def test_without_a_calibration_after_it_is_unbracketed(run: Path) -> None:
     rows = evaluated(forget(run, "calibrate", 2))
-    row = one(
-        rows,
-        case="replay",
-        repeat="1",
-        metric="ape.translation.aligned",
-        point="eye",
-        statistic="rmse",
-        variant="main",
-        band="all",
-    )
+    row = one(rows, repeat="1", **EYE)
     assert row.status == "unbracketed"
     assert row.reason == "no calibration after"
     assert row.value > 0
@@ -195,16 +188,7 @@ def test_a_motion_that_leaves_the_calibration_is_extrapolated(
         update={"motions": {"head": "saturate-1", "calibration": "saturate-30s-1"}}
     )
     rows = evaluated(recorded(suite, tmp_path / "run"))
-    row = one(
-        rows,
-        case="replay",
-        repeat="1",
-        metric="ape.translation.aligned",
-        point="eye",
-        statistic="rmse",
-        variant="main",
-        band="all",
-    )
+    row = one(rows, repeat="1", **EYE)
     assert row.status == "extrapolated"
     assert "lies outside the calibration" in row.reason
 
@@ -222,16 +206,7 @@ def test_streams_that_share_no_time_fail_with_both_spans(run: Path) -> None:
     failed = [r for r in rows if r.case == "replay" and r.repeat == "1"]
     assert {row.status for row in failed} == {"failed"}
     assert "do not overlap in time" in failed[0].reason
-    sound = one(
-        rows,
-        case="replay",
-        repeat="2",
-        metric="ape.translation.aligned",
-        point="eye",
-        statistic="rmse",
-        variant="main",
-        band="all",
-    )
+    sound = one(rows, repeat="2", **EYE)
     assert sound.status == "ok"
 
 
@@ -248,6 +223,81 @@ def test_a_clock_that_counts_from_the_device_s_start_is_found(run: Path) -> None
     for row in rows:
         if row.case == "replay" and row.metric == "ape.translation.aligned" and row.value:
             assert row.value == pytest.approx(first[row.key], rel=1e-3), row.key
+
+
+def recentred(columns: Columns, after_s: float) -> Columns:
+    """The headset's world made another one, so long after the first sample."""
+    from dataclasses import replace
+
+    head = columns.poses["headset/eye"]
+    late = head.pose_t - head.pose_t[0] > after_s * 1e9
+    moved = Transform.of((0.3, -0.1, 0.7), (0.0, 0.6, 0.0, 0.8)) @ head.pose
+    pose = Transform(
+        np.where(late[:, None], moved.p, head.pose.p), np.where(late[:, None], moved.q, head.pose.q)
+    )
+    epoch = head.epoch + late.astype(np.uint32)
+    return replace(
+        columns, poses={**columns.poses, "headset/eye": replace(head, pose=pose, epoch=epoch)}
+    )
+
+
+def test_each_epoch_is_scored_in_its_own_world(run: Path) -> None:
+    rows = evaluated(rewrite(run, "replay.default.m1.r1", lambda c: recentred(c, 16.0)))
+    parts = [one(rows, repeat="1", **{**EYE, "segment": f"epoch:{k}"}) for k in (0, 1)]
+    whole = one(rows, repeat="1", **EYE)
+    assert all(0.3 < part.value < 2.4 for part in parts)
+    square = sum(part.value**2 * part.samples for part in parts)
+    assert whole.value == pytest.approx(math.sqrt(square / whole.samples))
+    assert whole.samples == sum(part.samples for part in parts)
+    epochs = one(rows, case="replay", repeat="1", metric="coverage.epochs")
+    assert epochs.value == 2
+    variant = [
+        r for r in rows if r.variant == "in-sample" and r.case == "replay" and r.repeat == "1"
+    ]
+    assert {row.status for row in variant} == {"skipped"}
+
+
+def test_an_epoch_too_short_to_score_leaves_no_number_for_the_take(run: Path) -> None:
+    rows = evaluated(rewrite(run, "replay.default.m1.r1", lambda c: recentred(c, 31.0)))
+    failed = [row for row in rows if row.segment == "epoch:1" and row.repeat == "1"]
+    assert {row.status for row in failed} == {"failed"}
+    whole = one(rows, repeat="1", **EYE)
+    assert (whole.value, whole.status) == (None, "failed")
+    assert whole.reason.startswith("segment epoch:1: ")
+    pooled = one(rows, repeat="all", **EYE)
+    assert (pooled.value, pooled.status) == (None, "failed")
+
+
+def test_a_calibration_that_recentred_is_not_used(run: Path) -> None:
+    rows = evaluated(rewrite(run, "calibrate.default.m1.r2", lambda c: recentred(c, 16.0)))
+    row = one(rows, repeat="1", **EYE)
+    assert row.status == "unbracketed"
+    assert "the headset recentred within the calibration" in row.reason
+
+
+def test_a_metric_that_fails_costs_its_own_rows_only(run: Path) -> None:
+    from vrbench.evaluation import evaluate
+    from vrbench.metrics.registry import Family, Value
+    from vrbench.plugin.manager import Plugins
+    from vrbench.protocols.vrbench_1 import PROTOCOL
+
+    def crash(_take):
+        raise ZeroDivisionError("of a plugin")
+
+    def nan(_take):
+        yield Value("odd.nan", "value", math.nan, "mm", 1)
+
+    odd = [
+        Family("odd", "", {"odd.value": "mm"}, crash),
+        Family("nan", "", {"odd.nan": "mm"}, nan),
+    ]
+    families = [*odd, Plugins().metrics["ape"]]
+    rows = evaluate(Bundle.open(run), families, PROTOCOL, lambda *_: None)
+    assert one(rows, repeat="1", **EYE).status == "ok"
+    for metric, told in (("odd.value", "ZeroDivisionError: of a plugin"), ("odd.nan", "is nan")):
+        row = one(rows, case="replay", repeat="1", metric=metric)
+        assert (row.status, row.value) == ("failed", None)
+        assert told in row.reason
 
 
 def test_a_take_that_was_changed_is_refused(run: Path) -> None:

@@ -78,7 +78,7 @@ def test_a_run_says_what_it_was_made_of(lab: Path, tmp_path: Path) -> None:
     assert record.kind == "imported"
     assert record.device.headset == "my-headset"
     assert len(record.takes) == 4
-    assert record.files.keys() == {"recordings.yaml"}
+    assert record.files.keys() == {"suite.yaml", "recordings.yaml"}
     assert {len(take.sha256) for take in record.takes} == {64}
 
 

@@ -11,7 +11,7 @@ from vrbench.metrics.registry import Family
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import Protocol
 from vrbench.results.bundle import Bundle
-from vrbench.results.calibrations import write_calibrations
+from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
 from vrbench.scoring import Rules, Scored, score, with_interval
@@ -65,9 +65,11 @@ def evaluate(
         for group in groups.values():
             rows += _rows_of_repeats(rules, group)
             rows += _pooled(rules, group)
-    write_rows(rows, bundle.folder / "metrics" / f"{protocol.name}.csv")
-    write_phases(phases, bundle.folder / "metrics" / f"{protocol.name}.phase.csv")
-    write_calibrations(bundle.folder / "calibration.json", protocol.name, found)
+    table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
+    write_rows(rows, bundle.folder / table)
+    write_phases(phases, bundle.folder / by_phase)
+    write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
+    bundle.enter(table, by_phase, CALIBRATIONS)
     return rows
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from vrbench.config.recordings import STREAMS, RecordedTake, Recordings, Source, load_recordings
 from vrbench.config.shipped import find_file
 from vrbench.config.suite import DEFAULT, Case, Suite, load_suite, take_name
-from vrbench.errors import ConfigError, DataError
+from vrbench.config.yaml_file import as_yaml
+from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.motion.generators import GENERATORS, generate
 from vrbench.motion.motion import digest_of_name
 from vrbench.plugin.manager import Plugins, check_options, families_of, pick
@@ -72,7 +73,10 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
         },
         versions=versions(plugins.versions()),
     )
-    inputs = {"recordings.yaml": path.read_text(encoding="utf-8")}
+    inputs = {
+        "suite.yaml": as_yaml(suite.canonical()),
+        "recordings.yaml": path.read_text(encoding="utf-8"),
+    }
     bundle = Bundle.create(folder, record, inputs)
     try:
         for index, (take, case) in enumerate(zip(recordings.takes, cases, strict=True)):
@@ -181,4 +185,14 @@ def _read(
         file = path.parent / source.path
     if not file.exists():
         raise DataError("no such file", file=file, field=f"{path}: {where}.path")
-    return importer.read(file, options)
+    try:
+        imported: object = importer.read(file, options)
+    except (VrbenchError, OSError):
+        raise
+    except Exception as error:  # an importer of a plugin may raise anything
+        raise DataError(
+            f"importer {importer.name} failed: {type(error).__name__}: {error}", file=file
+        ) from error
+    if not isinstance(imported, Imported) or not isinstance(imported.samples, Samples):
+        raise DataError(f"importer {importer.name} returned no poses", file=file)
+    return imported

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from vrbench.config.rig import SIMULATED, Rig
 from vrbench.config.suite import Step, Suite
+from vrbench.config.yaml_file import as_yaml
 from vrbench.devices.ports import (
     HeadsetProfile,
     Operator,
@@ -112,7 +113,11 @@ def record_suite(
     )
     with ExitStack() as stack:
         devices = _open(rig, rig_name, profile, plugins, seed, stack)
-        bundle = Bundle.create(folder, record, {"rig.json": rig.model_dump_json(indent=1)})
+        inputs = {
+            "suite.yaml": as_yaml(suite.canonical()),
+            "rig.yaml": as_yaml(rig.model_dump(mode="json")),
+        }
+        bundle = Bundle.create(folder, record, inputs)
         mount = 1
         for index, step in enumerate(steps):
             if step.mount != mount:

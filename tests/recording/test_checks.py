@@ -117,3 +117,27 @@ def test_a_quaternion_far_from_unit_length_is_refused_by_its_row():
     q[2] *= 1.5
     with pytest.raises(DataError, match=r"quaternion of pose 3 has length 1\.5"):
         imported_poses(np.arange(5), p, q, file=FILE)
+
+
+def at_rest(t):
+    n = len(t)
+    return np.asarray(t, dtype=np.int64), np.zeros((n, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+
+
+SECOND = 10**9
+
+
+@pytest.mark.parametrize(("stray", "at"), [("first", 0), ("last", -1)])
+def test_a_stray_stamp_at_an_end_is_dropped_and_told(stray, at):
+    t = np.arange(100) * SECOND + 10**18
+    t[at] += (-(10**6) if stray == "first" else 8 * 10**9) * SECOND
+    imported = imported_poses(*at_rest(t), file=FILE)
+    assert len(imported.samples) == 99
+    assert "1 at an end dropped, over an hour away" in imported.repairs[0]
+
+
+def test_two_recordings_in_one_file_are_refused():
+    t = np.arange(100) * SECOND
+    t[50:] += 9949 * SECOND
+    with pytest.raises(DataError, match=r"9950 s lie between pose 50 and the next"):
+        imported_poses(*at_rest(t), file=FILE)

@@ -45,6 +45,11 @@ def rival(run: Path, tmp_path: Path) -> Path:
     return folder
 
 
+def entered(folder: Path) -> None:
+    """Lets the record know of a table that the test has changed."""
+    Bundle.open(folder).enter(TABLE)
+
+
 def edit(folder: Path, change) -> None:
     path = folder / "run.json"
     record = json.loads(path.read_text())
@@ -53,6 +58,9 @@ def edit(folder: Path, change) -> None:
 
 
 def boards(*folders: Path):
+    for folder in folders:
+        if (folder / TABLE).is_file():
+            entered(folder)
     return leaderboard([Bundle.open(folder) for folder in folders], "vrbench-1")
 
 
@@ -147,6 +155,14 @@ def test_low_coverage_is_listed_unranked(run: Path) -> None:
 def test_the_same_run_twice_is_refused(run: Path) -> None:
     with pytest.raises(ConfigError, match="given twice"):
         boards(run, run)
+
+
+def test_a_table_that_was_changed_is_refused(run: Path) -> None:
+    entered(run)
+    path = run / TABLE
+    path.write_text("\n".join(path.read_text().splitlines()[:-3]) + "\n")
+    with pytest.raises(DataError, match="was changed since it was written"):
+        leaderboard([Bundle.open(run)], "vrbench-1")
 
 
 def test_a_run_without_metrics_says_what_to_do(run: Path) -> None:

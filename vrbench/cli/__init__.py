@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 import sys
 
@@ -10,6 +11,9 @@ import click
 
 from vrbench import __version__
 from vrbench.errors import VrbenchError
+
+# Set to anything, errors of vrbench itself end in a traceback.
+TRACEBACK = "VRBENCH_TRACEBACK"
 
 
 class _Verbs(click.Group):
@@ -66,3 +70,14 @@ def main() -> None:
         # what reads our output has seen enough
         sys.stderr.close()
         sys.exit(0)
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        click.echo(f"error: {place}{error.strerror or error}", err=True)
+        sys.exit(1)
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        told = f"{type(error).__name__}: {error}".encode(errors="backslashreplace").decode()
+        click.echo(f"error: vrbench itself failed: {told}", err=True)
+        click.echo(f"Please report it, with what {TRACEBACK}=1 prints.", err=True)
+        sys.exit(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -19,34 +20,42 @@ def console(*, err: bool = False) -> Console:
     """The terminal; text that goes to a file or a pipe is given room for whole lines."""
     from rich.console import Console
 
-    plain = Console(stderr=err)
-    return plain if plain.is_terminal else Console(stderr=err, width=160)
+    # What users write, `[lab]` say, is text and no markup.
+    plain = Console(stderr=err, markup=False, highlight=False)
+    if plain.is_terminal or "COLUMNS" in os.environ:
+        return plain
+    return Console(stderr=err, width=160, markup=False, highlight=False)
 
 
 def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Prints a table; columns whose header ends in a space are aligned to the right."""
+    """Prints a table.
+
+    A header that ends in a space makes a column of numbers: aligned to the right and never cut.
+    """
     from rich import box
     from rich.table import Table
 
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
     for name in header:
-        table.add_column(name.strip(), justify="right" if name.endswith(" ") else "left")
+        number = name.endswith(" ")
+        table.add_column(name.strip(), justify="right" if number else "left", no_wrap=number)
     for row in rows:
         table.add_row(*row)
     console().print(table)
 
 
-# The headline numbers of a take: column, metric, point, statistic.
+# The headline numbers of a take: column, metric, point, statistic; the first five fit anywhere.
+_NARROW = 120
 _HEADLINES = (
     ("ape eye mm ", "ape.translation.aligned", "eye", "rmse"),
-    ("max ", "ape.translation.aligned", "eye", "max"),
     ("ape tcp mm ", "ape.translation.aligned", "tcp", "rmse"),
     ("ape deg ", "ape.rotation.aligned", "eye", "rmse"),
+    ("offset ms ", "clock.offset", "", "value"),
+    ("valid % ", "coverage.valid", "", "value"),
+    ("max mm ", "ape.translation.aligned", "eye", "max"),
     ("rpe 1 s mm ", "rpe.translation@1s", "eye", "rmse"),
     ("scale ", "scale", "eye", "value"),
-    ("offset ms ", "clock.offset", "", "value"),
     ("rate Hz ", "timing.rate", "", "value"),
-    ("valid % ", "coverage.valid", "", "value"),
 )
 
 
@@ -60,10 +69,11 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
             place = (row.reference, row.case, row.condition, row.mount, row.repeat)
             take = takes.setdefault(place, {})
             take[row.metric, row.point, row.statistic] = row
+    headlines = _HEADLINES if console().width >= _NARROW else _HEADLINES[:5]
     lines = []
     several = len({row.reference for row in rows}) > 1
     for (reference, case, condition, mount, repeat), numbers in takes.items():
-        cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in _HEADLINES]
+        cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in headlines]
         if not any(cells):
             continue
         named = case if condition == "default" else f"{case} {condition}"
@@ -72,7 +82,7 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
         shown = ["" if row is None else _number(row.value) for row in cells]
         status = min((r.status for r in numbers.values()), key=STATUSES.index)
         lines.append([*line, *shown, "ok" if status == "skipped" else status])
-    header = ["case", "take", *(name for name, *_ in _HEADLINES), "status"]
+    header = ["case", "take", *(name for name, *_ in headlines), "status"]
     show_table("Metrics", header, lines)
     click.echo(f"all {len(rows)} numbers: {table}")
 
@@ -91,7 +101,7 @@ def show_boards(boards: Sequence[Board]) -> None:
         )
         unit = next((entry.unit for entry in board.entries if entry.unit), "")
         header = ["rank ", "device", "lab", "firmware", f"{unit} ", "95 % ", "floor "]
-        header += ["takes ", "mounts ", "valid % ", "status", "why"]
+        header += ["takes ", "mounts ", "valid % ", "status"]
         rows = [
             [
                 "-" if e.rank is None else str(e.rank),
@@ -105,11 +115,13 @@ def show_boards(boards: Sequence[Board]) -> None:
                 str(e.mounts),
                 _number(e.coverage),
                 e.status,
-                e.reason,
             ]
             for e in board.entries
         ]
         show_table(title, header, rows)
+        for entry in board.entries:
+            if entry.reason:
+                click.echo(f"{entry.device} of {entry.lab} has no rank: {entry.reason}")
 
 
 def _state(row: Row) -> str:
@@ -129,11 +141,11 @@ def bar(what: str) -> Iterator[Any]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn(what),
+        TextColumn(what.replace("{", "{{").replace("}", "}}"), markup=False),
         BarColumn(bar_width=30),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
     )
     with Progress(*columns, console=console(err=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)

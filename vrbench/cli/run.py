@@ -14,7 +14,13 @@ import click
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="The new run's folder [runs/...]."
 )
-@click.option("--seed", default=1, show_default=True, help="Of everything random.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Of everything random.",
+)
 def command(suite: str, rig: str, output: Path | None, seed: int) -> None:
     """Record SUITE on a rig, evaluate it, and print its metrics."""
     from vrbench.cli._steps import PROTOCOL, evaluate_run, metric_table, record, show_runs

@@ -30,13 +30,12 @@ def list_() -> None:
 @click.argument("suite")
 def show(suite: str) -> None:
     """Print SUITE with all it extends resolved, its digest, and its takes in order."""
-    import yaml
-
     from vrbench.config.suite import load_suite
+    from vrbench.config.yaml_file import as_yaml
     from vrbench.plugin.manager import Plugins
 
     found = load_suite(suite, dict(Plugins().suites))
-    click.echo(yaml.safe_dump(found.canonical(), sort_keys=False).rstrip())
+    click.echo(as_yaml(found.canonical()).rstrip())
     click.echo(f"# digest: {found.digest}")
     for step in found.schedule():
         click.echo(f"# take: {step.name}, {found.motions[step.case.motion]}")

@@ -45,10 +45,10 @@ class RecordedTake(_Strict):
     """One take: its place in the suite, and a file for each stream."""
 
     case: Name
-    mount: int = Field(1, ge=1)
-    repeat: int = Field(1, ge=1)
+    mount: int = Field(1, ge=1, le=1000)
+    repeat: int = Field(1, ge=1, le=1000)
     motion: str | None = None
-    speed: float = Field(1.0, gt=0.0, le=10.0)
+    speed: float = Field(1.0, ge=0.05, le=10.0)
     headset: Source
     robot: Source | None = None
     mocap: Source | None = None

@@ -36,7 +36,7 @@ class Case(_Strict):
     role: Literal["calibration", "scored"] = "scored"
     repeats: int = Field(1, ge=1, le=1000)
     remounts: int = Field(0, ge=0, le=100)
-    speed: float = Field(1.0, gt=0.0, le=10.0)
+    speed: float = Field(1.0, ge=0.05, le=10.0)
     needs: tuple[Need, ...] = ()
     anchor: Duration | None = Field(None, gt=0.0)
 

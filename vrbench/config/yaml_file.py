@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -52,6 +52,11 @@ _Loader.add_implicit_resolver(
 )
 
 
+def as_yaml(content: Mapping[str, Any]) -> str:
+    """JSON's types as YAML text, keys in their order."""
+    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True)
+
+
 def load_yaml(path: Path) -> tuple[dict[str, Any], yaml.Node]:
     """The mapping that a YAML file holds, and the tree that knows its lines.
 
@@ -71,6 +76,8 @@ def load_yaml(path: Path) -> tuple[dict[str, Any], yaml.Node]:
         mark = error.problem_mark
         place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
         raise ConfigError(f"not YAML: {error.problem}", file=f"{path}{place}", fix=SYNTAX) from None
+    except RecursionError:
+        raise ConfigError("nests too deep", file=path) from None
     except yaml.YAMLError as error:
         raise ConfigError(f"not YAML: {error}", file=path, fix=SYNTAX) from None
     if root is None or not isinstance(content, dict):

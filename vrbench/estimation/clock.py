@@ -260,7 +260,7 @@ def _require_overlap(
         raise EstimationError(
             f"the streams do not overlap in time: the reference spans {_span(reference)}, the "
             f"estimate {_span(estimate)}, {(start - end) / NS:.6g} s apart",
-            fix=f"the search reaches {reach_s:g} s; give the offset it should be centred on",
+            fix=f"clocks may differ by up to {reach_s:g} s: record both streams at the same time",
         )
 
 

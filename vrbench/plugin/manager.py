@@ -103,11 +103,11 @@ class Plugins:
             else:
                 self._register(module, entry.name)
                 self._loaded[entry.name] = len(self._infos)
-        except SystemExit:
-            broken = "raises SystemExit when imported"
+        except KeyboardInterrupt:  # Ctrl-C, as far as anyone can tell
+            raise
         except pluggy.PluginValidationError as error:
             broken = " ".join(str(error).split())
-        except Exception as error:  # a plugin may raise anything
+        except BaseException as error:  # a plugin may raise anything
             broken = f"{type(error).__name__}: {error} (pip install --force-reinstall {name})"
         return PluginInfo(entry.name, version, name, broken)
 
@@ -126,7 +126,9 @@ class Plugins:
         for impl in getattr(self._manager.hook, hook).get_hookimpls():
             try:
                 found |= _offered(impl, kind, found)
-            except (Exception, SystemExit) as error:  # a plugin may raise anything
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # a plugin may raise anything
                 if impl.plugin is builtin:
                     raise
                 self._blame(impl.plugin_name, f"{hook} {_told(error)}")
@@ -191,7 +193,11 @@ def _offered(impl: HookImpl, kind: type[Spec], taken: Mapping[str, Spec]) -> dic
     for thing in returned:
         if not isinstance(thing, kind):
             raise _UnfitError(f"offers {_kind(thing)}: it must return a list of {kind.__name__}")
+        if isinstance(thing, Path) and not thing.is_file():
+            raise _UnfitError(f"offers {thing}, which is no file")
         key = thing.stem if isinstance(thing, Path) else thing.name
+        if not isinstance(key, str) or not isinstance(getattr(thing, "title", ""), str):
+            raise _UnfitError(f"offers {key!r}: names and titles are text")
         if key in taken or key in offered:
             raise _UnfitError(
                 f"offers {key!r}, and that name is taken: rename it, or uninstall one"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from vrbench.geometry import (
     mean_rotation,
     quat_conjugate,
     quat_multiply,
+    quat_to_matrix,
     quat_to_rotvec,
     relative_angle,
 )
@@ -24,6 +27,8 @@ from vrbench.trajectory import NS
 BOX_MARGIN_M = 0.01
 ROTATION_MARGIN_RAD = float(np.radians(15.0))
 KEPT_POSES = 500
+# Standard deviations beyond which a difference is no chance: 95 %.
+SURE = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,10 +110,41 @@ def _difference(a: Transform, b: Transform) -> Floats:
     return np.concatenate((turn, a.p - b.p))
 
 
-def slip(a: Transform, b: Transform) -> float:
-    """How far apart two X put the eye seen from the tcp, or the tcp seen from the eye [m]."""
-    there, back = a.p - b.p, a.inverse().p - b.inverse().p
-    return float(max(np.linalg.norm(there), np.linalg.norm(back)))
+def slip(a: Calibration, b: Calibration) -> tuple[float, float]:
+    """How far apart two calibrations put the eye seen from the tcp, or the tcp seen from the eye.
+
+    Returns:
+        the larger of the two distances [m], and its standard deviation by the covariances of X [m].
+    """
+    found = []
+    for place, by_x in ((_eye, _eye_by_x), (_tcp, _tcp_by_x)):
+        distance = float(np.linalg.norm(place(a.x) - place(b.x)))
+        variance = 0.0
+        for c in (a, b):
+            if c.x_covariance is not None:
+                derivative = by_x(c.x)
+                variance += float(np.trace(derivative @ c.x_covariance @ derivative.T))
+        found.append((distance, math.sqrt(variance)))
+    return max(found)
+
+
+def _eye(x: Transform) -> Floats:
+    return x.p
+
+
+def _eye_by_x(_x: Transform) -> Floats:
+    return np.hstack((np.zeros((3, 3)), np.eye(3)))
+
+
+def _tcp(x: Transform) -> Floats:
+    return x.inverse().p
+
+
+def _tcp_by_x(x: Transform) -> Floats:
+    """Of -R^T p (3, 6): a turn dr in the eye's frame moves it by (-R^T p) x dr, dp by -R^T dp."""
+    lever = _tcp(x)
+    cross = np.cross(np.eye(3), lever)
+    return np.hstack((-cross, -quat_to_matrix(x.q).T))
 
 
 def gate(
@@ -176,13 +212,15 @@ def _age(calibrations: Sequence[Calibration], start: int, end: int, limits: Limi
 
 
 def _agreement(calibrations: Sequence[Calibration], limits: Limits) -> str:
-    apart = max(slip(a.x, b.x) for a in calibrations for b in calibrations)
-    if apart <= limits.bracket_m:
-        return ""
-    return (
-        f"the mount's calibrations differ by {apart * 1e3:.2f} mm, "
-        f"the gate is {limits.bracket_m * 1e3:g} mm"
-    )
+    """Why calibrations disagree: by more than the gate, and than their uncertainty explains."""
+    for a, b in combinations(calibrations, 2):
+        apart, sigma = slip(a, b)
+        if apart - SURE * sigma > limits.bracket_m:
+            return (
+                f"calibrations {a.take} and {b.take} differ by {apart * 1e3:.2f} mm "
+                f"(+- {SURE * sigma * 1e3:.2f}), the gate is {limits.bracket_m * 1e3:g} mm"
+            )
+    return ""
 
 
 @dataclass(frozen=True, slots=True)

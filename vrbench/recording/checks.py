@@ -16,6 +16,8 @@ from vrbench.trajectory import NS, QUATERNION_TOLERANCE
 
 MAX_DROPPED = 1e-3
 """The part of a file's poses that may be dropped for their stamps; one pose always may."""
+LONGEST_GAP_S = 3600.0
+"""Poses further apart in time than this aren't of one recording."""
 
 
 def imported_poses(
@@ -51,6 +53,12 @@ def imported_poses(
         n, t, pose = len(t), t[keep], pose[keep]
         receive_t = None if receive_t is None else receive_t[keep]
         repairs = (*repairs, _dropped(np.setdiff1d(np.arange(n), keep), row))
+    together = _together(t, file=file, row=row)
+    if together != slice(0, len(t)):
+        gone = len(t) - len(t[together])
+        repairs = (*repairs, f"{gone} at an end dropped, over an hour away from all others")
+        t, pose = t[together], pose[together]
+        receive_t = None if receive_t is None else receive_t[together]
     pose = Transform(pose.p, continuous_signs(pose.q))
     return Imported(Samples.of(t, pose, receive_t=receive_t), repairs)
 
@@ -102,6 +110,30 @@ def increasing(t: Ints, *, file: Path, row: str = "pose") -> npt.NDArray[np.intp
             " would have to be: cut the recording where its clock was set",
         )
     return keep
+
+
+def _together(t: Ints, *, file: Path, row: str) -> slice:
+    """Which of the increasing stamps t (n,) [ns] are of one recording: all but strays at the ends.
+
+    Raises:
+        DataError: an hour or more lies between two parts of which neither is a stray.
+    """
+    gaps = np.flatnonzero(np.diff(t) > LONGEST_GAP_S * NS) + 1
+    allowed = max(1.0, MAX_DROPPED * len(t))
+    start, end = 0, len(t)
+    for gap in gaps.tolist():
+        if gap <= allowed:
+            start = gap
+        elif len(t) - gap <= allowed:
+            end = min(end, gap)
+        else:
+            apart = (int(t[gap]) - int(t[gap - 1])) / NS
+            raise DataError(
+                f"{apart:.6g} s lie between {row} {gap} and the next",
+                file=file,
+                fix="a take is one recording: cut the file in two, or mend the stamp",
+            )
+    return slice(start, end)
 
 
 def _longest_increasing(t: list[int]) -> npt.NDArray[np.intp]:

@@ -8,9 +8,9 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import validate
@@ -46,7 +46,7 @@ class AccuracyRecord(_Record):
 class TakeRecord(_Record):
     """One take of the run."""
 
-    file: str
+    file: Annotated[str, StringConstraints(pattern=r"^takes/[^/\\]+$")]
     sha256: str
     case: str
     condition: str = "default"
@@ -120,8 +120,31 @@ class Bundle:
         (folder / "takes").mkdir()
         for name, text in inputs.items():
             (folder / name).write_text(text, encoding="utf-8")
-            record.files[name] = file_digest(folder / name)
+            bundle.enter(name)
         return bundle
+
+    def enter(self, *names: str) -> None:
+        """Notes the sha256 of files of the bundle, so that a change of them is seen."""
+        for name in names:
+            self.record.files[name] = file_digest(self.folder / name)
+        self._save()
+
+    def checked(self, name: str) -> Path:
+        """The path of a file that was entered.
+
+        Raises:
+            DataError: the file isn't the one that was entered.
+        """
+        path = self.folder / name
+        known = self.record.files.get(name)
+        if known is not None and path.is_file() and file_digest(path) != known:
+            raise DataError(
+                "was changed since it was written",
+                file=path,
+                field="sha256",
+                fix=f"make it again: {RECORD} says {known[:12]}...",
+            )
+        return path
 
     @classmethod
     def open(cls, folder: Path) -> Bundle:
@@ -133,7 +156,7 @@ class Bundle:
         path = folder / RECORD
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-        except (FileNotFoundError, NotADirectoryError):
+        except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             raise ConfigError("is not a run", file=folder, fix=f"a folder with {RECORD}") from None
         except ValueError as error:
             raise ConfigError("is not JSON", file=path, fix=str(error)) from None

@@ -11,6 +11,8 @@ from typing import Any
 from vrbench.protocols.calibration import Calibration
 from vrbench.results.bundle import replace_text
 
+CALIBRATIONS = "calibration.json"
+
 
 def write_calibrations(
     path: Path, protocol: str, found: Mapping[str, Sequence[Calibration]]

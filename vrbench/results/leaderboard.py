@@ -85,7 +85,7 @@ def leaderboard(bundles: Iterable[Bundle], protocol: str) -> list[Board]:
 
     Raises:
         ConfigError: one run is given twice.
-        DataError: a run has no metrics yet.
+        DataError: a run has no metrics yet, or they were changed.
     """
     boards: dict[BoardKey, list[Entry]] = defaultdict(list)
     metrics: dict[BoardKey, str] = {}
@@ -96,7 +96,7 @@ def leaderboard(bundles: Iterable[Bundle], protocol: str) -> list[Board]:
             raise ConfigError("the run is given twice", file=bundle.folder)
         seen.add(where)
         suite = bundle.record.resolved_suite()
-        rows = read_rows(bundle.folder / "metrics" / f"{protocol}.csv")
+        rows = read_rows(bundle.checked(f"metrics/{protocol}.csv"))
         for key, takes in _groups(bundle, suite, protocol).items():
             rank = suite.rank
             metrics[key] = f"{rank.metric} {rank.statistic} at the {rank.point}"
