@@ -445,10 +445,10 @@ def test_a_headset_that_sleeps_is_told(headset, page):
     samples = columns.poses["headset/eye"]
     assert [x for x in events_of(columns, "clock") if x["state"] == "lost"]
     (gap,) = [x for x in events_of(columns, "gap") if x["kind"] == "time"]
-    assert 0.6 < gap["seconds"] < 1.6
+    assert gap["seconds"] > 0.5
     assert samples.good[-20:].all()
     delay = (samples.receive_t - samples.pose_t)[samples.good]
-    assert np.all(np.abs(delay) < 400e6)
+    assert np.all(np.abs(delay) < 600e6)
 
 
 def test_a_headset_that_stays_silent_is_let_go(headset, page, wait_for, monkeypatch):

@@ -48,7 +48,7 @@ class Options(BaseModel):
         None, gt=0, le=1000, description="frame rate to ask the headset for [Hz]"
     )
     wait_s: float = Field(
-        300.0, ge=0, description="how long to wait for a session on the headset [s]"
+        300.0, ge=0, description="how long the first take waits for a session [s]"
     )
     quiet: bool = Field(False, description="print no address")
 
