@@ -22,7 +22,7 @@ ORDER = (
     *("devices", "recording"),
     "plugin",
     "results",
-    *("runner", "importing", "scoring", "variants", "evaluation", "extraction"),
+    *("runner", "capture", "importing", "scoring", "variants", "evaluation", "extraction"),
     "cli",
     "__main__",
 )

@@ -34,8 +34,18 @@ class _Bar:
         self._tell(f"{self._name}  {counts}", (self._index + done) / self._total)
 
 
-def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bundle:
-    """Records a suite on a rig."""
+def record(
+    suite_name: str,
+    rig_name: str,
+    output: Path | None,
+    seed: int,
+    *,
+    licence: str | None = None,
+    consent: str | None = None,
+) -> Bundle:
+    """Records a suite on a rig; where a person moves, with what was agreed with them."""
+    from vrbench.capture import record_capture
+    from vrbench.cli._person import TerminalPerson
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
@@ -47,6 +57,20 @@ def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bu
     families_of(suite, plugins, suite_name)
     rig = load_rig(rig_name)
     folder = output or default_folder(suite.suite, rig.headset.model)
+    if suite.mover == "person":
+        person = TerminalPerson()
+        return record_capture(
+            suite,
+            rig,
+            rig_name,
+            folder,
+            plugins,
+            person=person,
+            seed=seed,
+            watcher=person,
+            licence=licence,
+            consent=consent,
+        )
     with bar(f"record {suite.label} on {rig.headset.model}") as tell:
         return record_suite(suite, rig, rig_name, folder, plugins, seed=seed, watcher=_Bar(tell))
 
