@@ -57,12 +57,13 @@ def evaluate(
             tell(take.name, done, len(bundle.record.takes) * len(bundle.record.references))
             done += 1
             columns = bundle.columns(take)
+            own = replace(rules, reference=protocol.reference(columns, reference))
             good, failures = usable(*calibrations[take.mount], body_shapes(columns, reference))
-            scored = score(rules, take, columns, good, failures)
-            variants = variant_rows(rules, scored, columns, good)
+            scored = score(own, take, columns, good, failures)
+            variants = variant_rows(own, scored, columns, good)
             scored = replace(scored, rows=[*scored.rows, *variants])
             rows += scored.rows
-            phases += phase_rows(take, scored.whole, reference)
+            phases += phase_rows(take, scored.whole, own.reference)
             groups[take.case, take.condition].append(scored)
         for group in groups.values():
             rows += _rows_of_repeats(rules, group)
@@ -70,8 +71,10 @@ def evaluate(
     table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
     write_rows(rows, bundle.folder / table)
     write_phases(phases, bundle.folder / by_phase)
-    write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
-    bundle.enter(table, by_phase, CALIBRATIONS)
+    bundle.enter(table, by_phase)
+    if protocol.calibrate is not None:
+        write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
+        bundle.enter(CALIBRATIONS)
     return rows
 
 
@@ -82,6 +85,8 @@ def _calibrated(
     good: dict[str, Calibration] = {}
     failures: dict[str, str] = {}
     bodies: dict[str, Shapes] = {}
+    if protocol.calibrate is None:
+        return good, failures, bodies
     for take in bundle.record.takes:
         if take.mount == mount and take.role == "calibration":
             columns = bundle.columns(take)

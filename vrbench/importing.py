@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from vrbench.config.recordings import STREAMS, RecordedTake, Recordings, Source, load_recordings
+from vrbench.config.recordings import RecordedTake, Recordings, Source, load_recordings
 from vrbench.config.shipped import find_file
 from vrbench.config.suite import DEFAULT, Case, Suite, load_suite, take_name
 from vrbench.config.yaml_file import as_yaml
@@ -31,8 +31,8 @@ from vrbench.results.bundle import (
 )
 from vrbench.streams import Columns, Event, Samples
 
-# What each stream is called in a take.
-TAKE_STREAMS = {"headset": "headset/eye", "robot": "robot/tcp", "mocap": "mocap/body"}
+# What each stream is called in a take; a second robot's `robot_paper` is `robot_paper/tcp`.
+TAKE_STREAMS = {"headset": "headset/eye", "mocap": "mocap/body"}
 # The motion of a calibration that doesn't say which it is.
 UNSTATED = "unstated"
 # Told of each take as it begins: its name, its place in the list, how many there are.
@@ -154,12 +154,10 @@ def _import_take(
 ) -> None:
     poses: dict[str, Samples] = {}
     repairs: list[str] = []
-    for name in STREAMS:
-        source: Source | None = getattr(take, name)
-        if source is not None:
-            imported = _read(source, recordings, path, plugins, f"{where}.{name}")
-            poses[TAKE_STREAMS[name]] = imported.samples
-            repairs += [f"{name}: {repair}" for repair in imported.repairs]
+    for name, source in take.sources.items():
+        imported = _read(source, recordings, path, plugins, f"{where}.{name}")
+        poses[TAKE_STREAMS.get(name, f"{name}/tcp")] = imported.samples
+        repairs += [f"{name}: {repair}" for repair in imported.repairs]
     motion = take.motion or UNSTATED
     record = TakeRecord(
         file=f"takes/{_name_of(take)}.mcap",
@@ -175,13 +173,15 @@ def _import_take(
     )
     metadata = {
         "case": case.id,
+        "role": case.role,
+        "headset": recordings.device.headset,
         "motion": motion,
         "motion_digest": record.motion_digest,
         "stretch": f"{1 / take.speed:.9g}",
         "logger": recordings.device.logger,
         "prediction": recordings.device.prediction,
     }
-    begin = min(int(samples.receive_t[0]) for samples in poses.values())
+    begin = int(poses[TAKE_STREAMS["headset"]].receive_t[0])
     events = [Event(begin, "repair", {"what": repair}) for repair in repairs]
     take_path = bundle.take_path(_name_of(take))
     with TakeWriter(take_path, metadata) as writer:

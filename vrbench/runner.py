@@ -22,6 +22,7 @@ from vrbench.devices.simulated.stage import SimulatedOperator, Stage, VirtualClo
 from vrbench.errors import ConfigError
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import Motion, at_speed
+from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
@@ -72,6 +73,7 @@ def record_suite(
     *,
     seed: int,
     watcher: Watcher,
+    permission: Permission | None = None,
 ) -> Bundle:
     """Records all takes of a suite into a new bundle.
 
@@ -83,6 +85,7 @@ def record_suite(
         plugins: for their devices.
         seed: of everything random, so that a simulated run can be made again.
         watcher: told how it goes on.
+        permission: to move a real robot; asked for at the start and after every operator prompt.
 
     Raises:
         ConfigError: the rig lacks what the suite needs, an option is wrong, or the folder exists.
@@ -114,6 +117,8 @@ def record_suite(
     )
     with ExitStack() as stack:
         devices = _open(rig, rig_name, profile, plugins, seed, stack)
+        if permission is not None:
+            permission.again(devices.session.permit)
         inputs = {
             "suite.yaml": as_yaml(suite.canonical()),
             "rig.yaml": as_yaml(rig.model_dump(mode="json")),
@@ -123,7 +128,10 @@ def record_suite(
         for index, step in enumerate(steps):
             if step.mount != mount:
                 mount = step.mount
+                devices.session.permit.revoke()
                 devices.operator.remount(mount)
+                if permission is not None:
+                    permission.again(devices.session.permit)
             watcher.take(step.name, index, len(steps))
             _record_step(bundle, devices, step, motions[step.case.motion], watcher)
         bundle.finish()
@@ -228,6 +236,8 @@ def _record_step(
         "prediction": bundle.record.device.prediction,
     }
     path = bundle.take_path(step.name)
+    for _ in devices.robot.prepare(plan):
+        pass
     movement = devices.robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
     truth: dict[str, Any] = devices.session.stage.truth

@@ -16,7 +16,7 @@ def sources(content):
     return [
         (stream, take[stream])
         for take in content["takes"]
-        for stream in ("headset", "robot", "mocap")
+        for stream in ("headset", "robot", "robot_paper", "mocap")
         if stream in take
     ]
 
@@ -52,6 +52,16 @@ def test_streams_of_a_take_belong_to_the_same_headset_and_motion(name):
         assert parts == {folder}
         assert len(stems) == 1
     assert [take["case"] for take in content["takes"]] == ["calibrate", "replay"]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_quest_pro_has_the_robot_s_log_of_the_quest_2_besides(name):
+    for take in FILES[name]["takes"]:
+        if FILES[name]["device"]["headset"] == "quest-2":
+            assert "robot_paper" not in take
+        else:
+            own = take["robot"]["path"]
+            assert take["robot_paper"]["path"] == own.replace("quest_pro", "quest2")
 
 
 @pytest.mark.parametrize("name", FILES)

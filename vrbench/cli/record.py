@@ -13,6 +13,7 @@ import click
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="The new run's folder [runs/...]."
 )
+@click.option("--execute", metavar="HASH", help="Move a real robot by the plans of this hash.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -26,6 +27,7 @@ def command(
     suite: str,
     rig: str,
     output: Path | None,
+    execute: str | None,
     seed: int,
     licence: str | None,
     consent: str | None,
@@ -33,4 +35,5 @@ def command(
     """Record SUITE on a rig; `vrbench evaluate` scores it later."""
     from vrbench.cli._steps import record, show_runs
 
-    show_runs([record(suite, rig, output, seed, licence=licence, consent=consent)])
+    bundle = record(suite, rig, output, seed, execute, licence=licence, consent=consent)
+    show_runs([bundle])
