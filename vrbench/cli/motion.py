@@ -24,7 +24,7 @@ command.add_command(extract)
 
 
 def _load(name: str) -> Motion:
-    """A generated motion by name, a motion file, or a TUM file of `T_world_eye` without a header."""
+    """A generated motion by name, a motion file, or a plain TUM file of `T_world_eye`."""
     from vrbench.motion.files import has_header, read_motion
     from vrbench.motion.generators import generate
     from vrbench.motion.motion import Motion, relative_to_first
