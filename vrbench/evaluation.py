@@ -48,7 +48,7 @@ def evaluate(
     for reference in bundle.record.references:
         rules = Rules(bundle.record, suite, families, protocol, reference)
         calibrations = {
-            mount: _calibrated(bundle, protocol, reference, mount)
+            mount: calibrated(bundle, protocol, reference, mount)
             for mount in sorted({take.mount for take in bundle.record.takes})
         }
         found[reference] = [c for good, *_ in calibrations.values() for c in good.values()]
@@ -78,7 +78,7 @@ def evaluate(
     return rows
 
 
-def _calibrated(
+def calibrated(
     bundle: Bundle, protocol: Protocol, reference: str, mount: int
 ) -> tuple[dict[str, Calibration], dict[str, str], dict[str, Shapes]]:
     """The calibrations of a mount by take, why the others failed, and the bodies of all."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from vrbench.errors import ConfigError, DataError, EstimationError
+from vrbench.evaluation import calibrated
 from vrbench.geometry import Transform
 from vrbench.motion.files import resampled
-from vrbench.protocols.body import Shapes, body_shapes, usable
-from vrbench.protocols.calibration import Calibration, mean_x
+from vrbench.protocols.body import body_shapes, usable
+from vrbench.protocols.calibration import mean_x
 from vrbench.protocols.protocol import Protocol, reference_trajectory
 from vrbench.results.bundle import Bundle, TakeRecord
 from vrbench.trajectory import NS, Trajectory
@@ -57,19 +58,8 @@ def eye_motion(
 
 def _x_of(bundle: Bundle, take: TakeRecord, protocol: Protocol) -> Transform:
     """`T_body_eye`, from the calibrations of the take's mount."""
-    good: dict[str, Calibration] = {}
-    failures: dict[str, str] = {}
-    bodies: dict[str, Shapes] = {}
-    for other in bundle.record.takes:
-        if other.mount == take.mount and other.role == "calibration":
-            columns = bundle.columns(other)
-            bodies[other.name] = body_shapes(columns, REFERENCE)
-            try:
-                good[other.name] = protocol.calibrate(columns, REFERENCE, other.name)
-            except (EstimationError, DataError) as error:
-                failures[other.name] = str(error)
     own = body_shapes(bundle.columns(take), REFERENCE)
-    good, failures = usable(good, failures, bodies, own)
+    good, failures = usable(*calibrated(bundle, protocol, REFERENCE, take.mount), own)
     if not good:
         told = "; ".join(f"{name}: {why}" for name, why in failures.items()) or "there is none"
         raise EstimationError(f"no calibration of the take's mount is of use: {told}")
