@@ -22,6 +22,7 @@ from vrbench.devices.simulated.stage import SimulatedOperator, Stage, VirtualClo
 from vrbench.errors import ConfigError
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import Motion, at_speed
+from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
@@ -56,10 +57,11 @@ class Devices:
     robot: Robot
     operator: Operator
     session: Session
+    mocap: PoseSource | None = None
 
     @property
     def sources(self) -> list[PoseSource]:
-        return [self.robot, self.headset]
+        return [x for x in (self.robot, self.headset, self.mocap) if x is not None]
 
 
 def record_suite(
@@ -71,6 +73,7 @@ def record_suite(
     *,
     seed: int,
     watcher: Watcher,
+    permission: Permission | None = None,
 ) -> Bundle:
     """Records all takes of a suite into a new bundle.
 
@@ -82,6 +85,7 @@ def record_suite(
         plugins: for their devices.
         seed: of everything random, so that a simulated run can be made again.
         watcher: told how it goes on.
+        permission: to move a real robot; asked for at the start and after every operator prompt.
 
     Raises:
         ConfigError: the rig lacks what the suite needs, an option is wrong, or the folder exists.
@@ -106,13 +110,15 @@ def record_suite(
         device=DeviceRecord(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
-        references=["robot"],
+        references=[name for name in suite.references if getattr(rig, name) is not None],
         accuracy=_accuracy(rig),
         seed=seed,
         versions=versions(plugins.versions()),
     )
     with ExitStack() as stack:
         devices = _open(rig, rig_name, profile, plugins, seed, stack)
+        if permission is not None:
+            permission.again(devices.session.permit)
         inputs = {
             "suite.yaml": as_yaml(suite.canonical()),
             "rig.yaml": as_yaml(rig.model_dump(mode="json")),
@@ -122,7 +128,10 @@ def record_suite(
         for index, step in enumerate(steps):
             if step.mount != mount:
                 mount = step.mount
+                devices.session.permit.revoke()
                 devices.operator.remount(mount)
+                if permission is not None:
+                    permission.again(devices.session.permit)
             watcher.take(step.name, index, len(steps))
             _record_step(bundle, devices, step, motions[step.case.motion], watcher)
         bundle.finish()
@@ -165,7 +174,8 @@ def _open(
         raise ConfigError(
             "the suite moves by robot, the rig has none", file=rig_name, field="robot"
         )
-    if rig.headset.plugin != SIMULATED or rig.robot.plugin != SIMULATED or rig.mocap is not None:
+    chosen = [device for device in (rig.headset, rig.robot, rig.mocap) if device is not None]
+    if any(device.plugin != SIMULATED for device in chosen):
         raise ConfigError(
             "this vrbench runs simulated rigs only; real devices come with their plugins",
             file=rig_name,
@@ -195,7 +205,18 @@ def _open(
         headset=stack.enter_context(route.open(headset_options, profile, session)),
         operator=SimulatedOperator(stage),
         session=session,
+        mocap=_open_mocap(rig, rig_name, plugins, session, stack),
     )
+
+
+def _open_mocap(
+    rig: Rig, rig_name: str, plugins: Plugins, session: Session, stack: ExitStack
+) -> PoseSource | None:
+    if rig.mocap is None:
+        return None
+    spec = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
+    options = check_options(rig.mocap.options, spec.options, field="mocap.options", file=rig_name)
+    return stack.enter_context(spec.open(options, session))
 
 
 def _record_step(
@@ -215,6 +236,8 @@ def _record_step(
         "prediction": bundle.record.device.prediction,
     }
     path = bundle.take_path(step.name)
+    for _ in devices.robot.prepare(plan):
+        pass
     movement = devices.robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
     truth: dict[str, Any] = devices.session.stage.truth

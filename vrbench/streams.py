@@ -129,6 +129,30 @@ class Joints:
         return len(self.t)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class States:
+    """What a robot's controller says of itself.
+
+    Attributes:
+        t: stamps (n,) [ns].
+        receive_t: when they arrived (n,) [ns].
+        device_t: the controller's own time (n,) [ns].
+        speed_scaling: share of full speed it moves at (n,), 0..1.
+        safety: the maker's safety bits (n,).
+        runtime: the maker's state of the program (n,).
+    """
+
+    t: Ints
+    receive_t: Ints
+    device_t: Ints
+    speed_scaling: Floats
+    safety: npt.NDArray[np.uint32]
+    runtime: npt.NDArray[np.uint32]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something that happened in a take: `phase`, `loop`, `gap`, `recentre`, `mark`, ...
@@ -150,10 +174,11 @@ class Columns:
 
     Attributes:
         poses: pose streams by name: `headset/eye`, `robot/tcp`, `robot/target`, `mocap/<body>`.
-        joints: joint streams by name: `robot/joints`.
+        joints: joint streams by name: `robot/joints`, `robot/target_joints`.
         events: all events by time.
         clocks: clock exchanges by source: `optitrack`, `headset`.
         metadata: facts of the take, text by name.
+        states: states of robots' controllers by name: `robot/state`.
     """
 
     poses: Mapping[str, Samples]
@@ -161,3 +186,4 @@ class Columns:
     events: Sequence[Event] = ()
     clocks: Mapping[str, Exchanges] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+    states: Mapping[str, States] = field(default_factory=dict)

@@ -33,7 +33,17 @@ def refused(done: subprocess.CompletedProcess[str], code: int, told: str) -> Non
 def test_help_teaches_every_verb(tmp_path: Path) -> None:
     done = vrbench("--help", cwd=tmp_path)
     assert done.returncode == 0
-    for verb in ("run", "record", "import", "evaluate", "leaderboard", "plugin", "suite", "data"):
+    for verb in (
+        "ape",
+        "run",
+        "record",
+        "import",
+        "evaluate",
+        "leaderboard",
+        "plugin",
+        "suite",
+        "data",
+    ):
         assert f"\n  {verb} " in done.stdout
         own = vrbench(verb, "--help", cwd=tmp_path)
         assert own.returncode == 0
@@ -99,7 +109,8 @@ def test_what_the_user_got_wrong_is_told_once(tmp_path: Path, words: list[str], 
 
 def test_a_rig_of_real_devices_is_refused_until_they_are_here(tmp_path: Path) -> None:
     (tmp_path / "lab.yaml").write_text(
-        "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: ur5e}\n"
+        "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: sim}\n"
+        "mocap: {plugin: optitrack}\n"
     )
     done = vrbench("run", "calibration", "--rig", "lab.yaml", cwd=tmp_path)
     refused(done, 2, "lab.yaml: this vrbench runs simulated rigs only")

@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vrbench.cli._tables import bar
+from vrbench.cli._tables import bar, show_table
+from vrbench.errors import ConfigError
 
 if TYPE_CHECKING:
+    from vrbench.config.rig import Rig
+    from vrbench.config.suite import Suite
+    from vrbench.permission import Permission
     from vrbench.plugin.manager import Plugins
     from vrbench.results.bundle import Bundle
     from vrbench.results.tables import Row
@@ -34,8 +38,10 @@ class _Bar:
         self._tell(f"{self._name}  {counts}", (self._index + done) / self._total)
 
 
-def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bundle:
-    """Records a suite on a rig."""
+def record(
+    suite_name: str, rig_name: str, output: Path | None, seed: int, execute: str | None = None
+) -> Bundle:
+    """Records a suite on a rig; a real robot moves only where `execute` names the run's plans."""
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
@@ -46,21 +52,46 @@ def record(suite_name: str, rig_name: str, output: Path | None, seed: int) -> Bu
     suite = load_suite(suite_name, dict(plugins.suites))
     families_of(suite, plugins, suite_name)
     rig = load_rig(rig_name)
+    allowed = _permission(suite, rig, rig_name, plugins, execute)
     folder = output or default_folder(suite.suite, rig.headset.model)
     with bar(f"record {suite.label} on {rig.headset.model}") as tell:
-        return record_suite(suite, rig, rig_name, folder, plugins, seed=seed, watcher=_Bar(tell))
+        return record_suite(
+            *(suite, rig, rig_name, folder, plugins),
+            seed=seed,
+            watcher=_Bar(tell),
+            permission=allowed,
+        )
+
+
+def _permission(
+    suite: Suite, rig: Rig, rig_name: str, plugins: Plugins, execute: str | None
+) -> Permission | None:
+    """Plans a real robot's motions, shows them, and checks `--execute`; None for simulated ones."""
+    from vrbench.permission import permission, plan_suite
+
+    with bar(f"plan {suite.label}") as tell:
+        planned = plan_suite(suite, rig, rig_name, plugins, tell)
+    if planned is None:
+        if execute is not None:
+            raise ConfigError("no real robot moves on this rig", file=rig_name, field="--execute")
+        return None
+    for (name, speed), plan in planned.plans.items():
+        rows = [[what, value] for what, value in planned.planner.describe(plan)]
+        show_table(f"Plan of {name} at speed {speed:g}", ["", ""], rows)
+    return permission(planned, execute)
 
 
 def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) -> list[Row]:
     """Evaluates a run by a protocol."""
     from vrbench.evaluation import evaluate
     from vrbench.plugin.manager import Plugins, families_of, pick
-    from vrbench.protocols.vrbench_1 import PROTOCOL as VRBENCH_1
+    from vrbench.protocols.registry import builtin_protocols
 
     plugins = plugins or Plugins()
-    protocols = {VRBENCH_1.name: VRBENCH_1}
+    protocols = {found.name: found for found in builtin_protocols()}
     chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
-    families = families_of(bundle.record.resolved_suite(), plugins, str(bundle.folder))
+    suite = bundle.record.resolved_suite()
+    families = chosen.families or families_of(suite, plugins, str(bundle.folder))
     with bar(f"evaluate {bundle.folder.name}") as tell:
         return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total))
 

@@ -13,6 +13,7 @@ import click
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="The new run's folder [runs/...]."
 )
+@click.option("--execute", metavar="HASH", help="Move a real robot by the plans of this hash.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -20,8 +21,8 @@ import click
     show_default=True,
     help="Of everything random.",
 )
-def command(suite: str, rig: str, output: Path | None, seed: int) -> None:
+def command(suite: str, rig: str, output: Path | None, execute: str | None, seed: int) -> None:
     """Record SUITE on a rig; `vrbench evaluate` scores it later."""
     from vrbench.cli._steps import record, show_runs
 
-    show_runs([record(suite, rig, output, seed)])
+    show_runs([record(suite, rig, output, seed, execute)])

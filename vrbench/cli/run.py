@@ -14,6 +14,7 @@ import click
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="The new run's folder [runs/...]."
 )
+@click.option("--execute", metavar="HASH", help="Move a real robot by the plans of this hash.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -21,12 +22,12 @@ import click
     show_default=True,
     help="Of everything random.",
 )
-def command(suite: str, rig: str, output: Path | None, seed: int) -> None:
+def command(suite: str, rig: str, output: Path | None, execute: str | None, seed: int) -> None:
     """Record SUITE on a rig, evaluate it, and print its metrics."""
     from vrbench.cli._steps import PROTOCOL, evaluate_run, metric_table, record, show_runs
     from vrbench.cli._tables import exit_code, show_metrics, show_trouble
 
-    bundle = record(suite, rig, output, seed)
+    bundle = record(suite, rig, output, seed, execute)
     rows = evaluate_run(bundle, PROTOCOL)
     show_metrics(rows, metric_table(bundle, PROTOCOL))
     show_trouble(rows)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
 from pydantic import BaseModel, ConfigDict
 
+from vrbench.devices.permit import Permit
 from vrbench.geometry import Transform
 from vrbench.streams import Columns
 from vrbench.trajectory import Trajectory
@@ -35,12 +37,14 @@ class Session:
         mounting: nominal `T_tcp_eye` of the rig.
         seed: of everything random in the run.
         stage: shared by the simulated devices of one rig; real devices pass it by.
+        permit: which plans a person has allowed; a real robot carries out no others.
     """
 
     host: HostClock
     mounting: Transform
     seed: int
     stage: Any = None
+    permit: Permit = field(default_factory=Permit)
 
 
 class Operator(Protocol):
@@ -93,11 +97,42 @@ class Plan:
     stretch: float = 1.0
 
 
+class MotionPlanner(Protocol):
+    """Plans motions for a robot without connecting to it; planning the same gives the same hash."""
+
+    def plan(self, motion: Trajectory, progress: Callable[[str, float], None]) -> Plan:
+        """A plan that moves the mounted eye as `motion`, `T_eye0_eye` with stamps from 0.
+
+        Args:
+            motion: to be replayed.
+            progress: told what is being done, and the part done, 0..1.
+
+        Raises:
+            DeviceError: the robot can't do it; says where, why, and what would do.
+        """
+        ...
+
+    def describe(self, plan: Plan) -> Sequence[tuple[str, str]]:
+        """Limits, margins and warnings for people: name and value."""
+        ...
+
+    def write(self, plan: Plan, path: Path) -> Sequence[Path]:
+        """Writes the plan file, and its picture beside it; returns all files written."""
+        ...
+
+
 class Robot(PoseSource, Protocol):
     """A robot that can plan a head motion and carry it out while its own poses are read."""
 
     def plan(self, motion: Trajectory) -> Plan:
         """A plan that moves the mounted eye as `motion`, `T_eye0_eye` with stamps from 0."""
+        ...
+
+    def prepare(self, plan: Plan) -> Generator[float]:
+        """Goes to where the plan starts, before a take begins; yields the part done, 0..1.
+
+        Closed before its end, it stops the robot before it returns.
+        """
         ...
 
     def execute(self, plan: Plan) -> Generator[float]:
@@ -223,7 +258,13 @@ class MocapSpec:
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """A robot; attributes as in `HeadsetSpec`."""
+    """A robot; attributes as in `HeadsetSpec`.
+
+    Attributes:
+        planner: plans without a robot, given options and the nominal `T_tcp_eye`; None where the
+            robot only plans when connected.
+        real: whether people must allow its plans before it moves: `vrbench.devices.permit`.
+    """
 
     name: str
     title: str
@@ -232,3 +273,5 @@ class RobotSpec:
     options: type[BaseModel] = NoDeviceOptions
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    planner: Callable[[Any, Transform], MotionPlanner] | None = None
+    real: bool = False

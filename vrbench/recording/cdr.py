@@ -16,7 +16,7 @@ import numpy as np
 from vrbench.clocks import Exchanges
 from vrbench.geometry import Ints, Transform
 from vrbench.recording.messages import Messages
-from vrbench.streams import Event, Joints, Samples
+from vrbench.streams import Event, Joints, Samples, States
 from vrbench.trajectory import NS
 
 HEADER = b"\x00\x01\x00\x00"
@@ -45,6 +45,7 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 SAMPLE = "vrbench_msgs/msg/Sample"
 EVENT = "vrbench_msgs/msg/Event"
 CLOCK_EXCHANGE = "vrbench_msgs/msg/ClockExchange"
+ROBOT_STATE = "vrbench_msgs/msg/RobotState"
 
 SCHEMAS = {
     POSE_STAMPED: _schema(
@@ -70,6 +71,8 @@ SCHEMAS = {
     ),
     CLOCK_EXCHANGE: "int64 sent_ns\nint64 remote_received_ns\nint64 remote_sent_ns\n"
     "int64 received_ns\n",
+    ROBOT_STATE: "int64 stamp_ns\nint64 receive_time_ns\nint64 device_time_ns\n"
+    "float64 speed_scaling\nuint32 safety\nuint32 runtime\n",
     EVENT: _schema("builtin_interfaces/Time stamp\nstring kind\nstring detail\n", time=_TIME),
 }
 
@@ -83,6 +86,17 @@ _SAMPLE_LAYOUT = np.dtype(
         ("q", "<f8", 4),
         ("flags", "<u4"),
         ("epoch", "<u4"),
+    ]
+)
+_STATE_LAYOUT = np.dtype(
+    [
+        ("header", "V4"),
+        ("t", "<i8"),
+        ("receive", "<i8"),
+        ("device", "<i8"),
+        ("speed_scaling", "<f8"),
+        ("safety", "<u4"),
+        ("runtime", "<u4"),
     ]
 )
 _EXCHANGE_LAYOUT = np.dtype([("header", "V4"), ("stamps", "<i8", 4)])
@@ -242,6 +256,29 @@ def decode_exchanges(messages: Messages) -> Exchanges:
     """The exchanges of `vrbench_msgs/msg/ClockExchange` messages."""
     stamps = messages.rows(_EXCHANGE_LAYOUT)["stamps"]
     return Exchanges(*(stamps[:, i].copy() for i in range(4)))
+
+
+def encode_states(states: States) -> list[bytes]:
+    """`vrbench_msgs/msg/RobotState` messages."""
+    rows = np.zeros(len(states), dtype=_STATE_LAYOUT)
+    rows["header"] = np.void(HEADER)
+    rows["t"], rows["receive"], rows["device"] = states.t, states.receive_t, states.device_t
+    rows["speed_scaling"] = states.speed_scaling
+    rows["safety"], rows["runtime"] = states.safety, states.runtime
+    return _rows(rows.tobytes(), _STATE_LAYOUT)
+
+
+def decode_states(messages: Messages) -> States:
+    """The states of `vrbench_msgs/msg/RobotState` messages."""
+    rows = messages.rows(_STATE_LAYOUT)
+    return States(
+        t=rows["t"].copy(),
+        receive_t=rows["receive"].copy(),
+        device_t=rows["device"].copy(),
+        speed_scaling=rows["speed_scaling"].copy(),
+        safety=rows["safety"].copy(),
+        runtime=rows["runtime"].copy(),
+    )
 
 
 def encode_event(event: Event) -> bytes:

@@ -13,7 +13,7 @@ from vrbench.clocks import Exchanges
 from vrbench.errors import DataError
 from vrbench.recording import cdr
 from vrbench.recording.messages import read_messages
-from vrbench.streams import Columns, Event, Joints, Samples
+from vrbench.streams import Columns, Event, Joints, Samples, States
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -87,6 +87,15 @@ class TakeWriter:
                 cdr.encode_joints(joints),
                 strict=True,
             )
+        for stream, states in columns.states.items():
+            channel = self._channel(f"/{stream}", cdr.ROBOT_STATE)
+            rows += zip(
+                states.receive_t.tolist(),
+                states.t.tolist(),
+                [channel] * len(states),
+                cdr.encode_states(states),
+                strict=True,
+            )
         for source, exchanges in columns.clocks.items():
             channel = self._channel(f"/clock/{source}", cdr.CLOCK_EXCHANGE)
             times = exchanges.received.tolist()
@@ -152,6 +161,7 @@ def read_take(path: Path) -> Columns:
     joints: dict[str, Joints] = {}
     events: list[Event] = []
     clocks: dict[str, Exchanges] = {}
+    states: dict[str, States] = {}
     sampled = {m.topic.removesuffix("/samples") for m in messages if m.schema == cdr.SAMPLE}
     for topic in messages:
         stream = topic.topic.removeprefix("/")
@@ -165,6 +175,9 @@ def read_take(path: Path) -> Columns:
             joints[stream] = cdr.decode_joints(topic)
         elif topic.schema == cdr.CLOCK_EXCHANGE:
             clocks[stream.removeprefix("clock/")] = cdr.decode_exchanges(topic)
+        elif topic.schema == cdr.ROBOT_STATE:
+            states[stream] = cdr.decode_states(topic)
         elif topic.schema == cdr.EVENT:
             events += map(cdr.decode_event, topic)
-    return Columns(poses, joints, sorted(events, key=lambda event: event.t), clocks, metadata)
+    events.sort(key=lambda event: event.t)
+    return Columns(poses, joints, events, clocks, metadata, states)

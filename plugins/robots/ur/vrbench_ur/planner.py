@@ -1,0 +1,229 @@
+"""Plans: from a head motion to a joint path that this arm, in these surroundings, can do."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrbench.errors import DeviceError
+from vrbench.geometry import Transform, quat_rotate, relative_angle
+from vrbench.trajectory import NS, Trajectory
+from vrbench_ur.arms import Arm
+from vrbench_ur.calibration import difference, read_calibration
+from vrbench_ur.cell import Cell
+from vrbench_ur.checks import Breach, Examined, examine
+from vrbench_ur.fraction import COARSE_HZ, moveit_fraction
+from vrbench_ur.inverse import branch_name, refine
+from vrbench_ur.kinematics import flange
+from vrbench_ur.options import Options, Start
+from vrbench_ur.plan import UrPlan, plan_hash, rig_digest
+from vrbench_ur.search import Progress, quiet, search
+from vrbench_ur.spline import JointPath, smooth
+from vrbench_ur.targets import Task, check_motion, postures, reached, start_eye
+
+# How many of the search's starts are planned in full before the best of them is taken.
+PLANNED = 4
+# Use of a limit above which a plan that can be done carries a warning.
+NEAR = 0.95
+DYNAMIC = {"speed", "acceleration", "torque"}
+
+
+# Plans of this process, so that repeats of a motion aren't searched for again.
+REMEMBERED = 32
+_MADE: dict[tuple[str, Start | None, str], UrPlan] = {}
+
+
+class PlanError(DeviceError):
+    """No start was found from which the arm can do the motion."""
+
+
+class Planner:
+    """Plans motions for one arm in one rig; needs no robot.
+
+    Args:
+        arm: the arm.
+        options: of the rig.
+        mounting: nominal `T_tcp_eye`.
+
+    Raises:
+        ConfigError: the payload is above the arm's limit, or the calibration can't be read.
+    """
+
+    def __init__(self, arm: Arm, options: Options, mounting: Transform) -> None:
+        from vrbench_ur.safety import check_payload
+
+        check_payload(arm, options.payload.kg)
+        self.arm, self.options, self.mounting = arm, options, mounting
+        self.dh = read_calibration(options.calibration, arm) if options.calibration else arm.dh
+        self.cell = Cell(arm, options, self.dh)
+        self.rig = rig_digest(arm, options, mounting, self.dh)
+
+    def plan(self, motion: Trajectory, progress: Progress = quiet) -> UrPlan:
+        """A plan that does the whole motion, `T_eye0_eye` with stamps from 0.
+
+        Raises:
+            ConfigError: the motion is no motion.
+            PlanError: it can't be done; says where and why, and what start or stretch would do.
+        """
+        check_motion(motion)
+        values = np.column_stack((motion.t, motion.pose.p, motion.pose.q)).tobytes()
+        key = self.rig, self.options.start, hashlib.sha256(values).hexdigest()
+        if key not in _MADE:
+            while len(_MADE) >= REMEMBERED:
+                del _MADE[next(iter(_MADE))]
+            _MADE[key] = self._made(motion, progress)
+        return _MADE[key]
+
+    def _made(self, motion: Trajectory, progress: Progress) -> UrPlan:
+        task = Task(motion, self.mounting, self.options)
+        if self.options.start is not None:
+            tried = self._best(task, [self.options.start])
+            if tried is None or tried.breaches:
+                raise self._cannot(task, self.options.start, tried, progress)
+            return self._plan(task, tried)
+        starts = list(dict.fromkeys(c.start for c in search(task, self.cell, progress)))
+        tried = self._best(task, starts[:PLANNED])
+        if tried is None or tried.breaches:
+            raise self._cannot(task, starts[0], tried, None)
+        return self._plan(task, tried)
+
+    def _best(self, task: Task, starts: list[Start]) -> _Tried | None:
+        """The best of all postures from these starts; None where none reaches everything."""
+        tried = []
+        for start in starts:
+            target = task.flange(start)
+            q = postures(target, self.arm.dh)
+            for branch in np.flatnonzero(reached(q).all(axis=1)):
+                angles = q[branch]
+                if self.options.calibration is not None:
+                    angles = refine(angles, target, self.dh)
+                if np.abs(np.diff(angles, axis=0)).max() > 0.5:
+                    continue
+                path = smooth(task.times(), angles)
+                checks = examine(path, self.cell, self.options, task.rate_hz)
+                tried.append(_Tried(start, int(branch), path, checks))
+        return min(tried, key=lambda x: (bool(x.breaches), x.checks.cost), default=None)
+
+    def _plan(self, task: Task, tried: _Tried) -> UrPlan:
+        path, checks, options = tried.path, tried.checks, self.options
+        t = path.grid(task.rate_hz)
+        tcp = flange(path.at(t), self.dh) @ options.flange_tcp
+        target = Trajectory(np.rint(t * NS).astype(np.int64), tcp)
+        apart, turned = self._deviation(task, tried)
+        warnings = [
+            f"{name} uses {100 * use:.0f} % of its limit"
+            for name, use in checks.worst.items()
+            if use > NEAR
+        ]
+        step = options.limits.step_mm
+        if apart > step:
+            warnings.append(f"smoothing moves the eye by up to {apart:.2f} mm, more than {step:g}")
+        facts = dict(checks.extra)
+        if options.calibration is not None:
+            off = difference(path.at(t), self.arm.dh, self.dh)
+            facts |= {
+                "calibration_mean_mm": off.mean_mm,
+                "calibration_max_mm": off.max_mm,
+                "calibration_max_deg": off.max_deg,
+            }
+        else:
+            warnings.append(
+                "planned with nominal kinematics: a controller's own calibration puts the TCP "
+                "millimetres elsewhere; the reference is what it logs"
+            )
+        coarse = task.coarse(COARSE_HZ)
+        way = coarse.flange(tried.start)
+        first = path.at(np.array([path.lead_in_s]))[0]
+        return UrPlan(
+            target=target,
+            hash=plan_hash(self.rig, path),
+            fraction=1.0,
+            stretch=options.stretch,
+            arm=self.arm.name,
+            rig=self.rig,
+            path=path,
+            start=tried.start,
+            branch=tried.branch,
+            moveit=moveit_fraction(way, first, self.cell),
+            examined=checks,
+            deviation_mm=apart,
+            deviation_deg=turned,
+            facts=facts,
+            warnings=tuple(warnings),
+        )
+
+    def _deviation(self, task: Task, tried: _Tried) -> tuple[float, float]:
+        """The most that smoothing moves the eye [mm] and turns it [deg]."""
+        at = flange(tried.path.at(task.times() + tried.path.lead_in_s), self.dh)
+        want = task.flange(tried.start)
+        tool = self.options.flange_tcp @ self.mounting
+        moved = (at.p + quat_rotate(at.q, tool.p)) - (want.p + quat_rotate(want.q, tool.p))
+        angle = relative_angle(at.q, want.q)
+        return (
+            float(1e3 * np.linalg.norm(moved, axis=1).max()),
+            float(np.degrees(angle.max())),
+        )
+
+    def _cannot(
+        self, task: Task, start: Start, tried: _Tried | None, progress: Progress | None
+    ) -> PlanError:
+        """The error that says where and why, and what would do instead."""
+        place = f"start p_m {list(start.p_m)}, yaw {start.yaw_deg:g} deg"
+        if tried is None:
+            q = postures(task.flange(start), self.arm.dh)
+            share = np.where(reached(q).all(axis=1), 1.0, reached(q).argmin(axis=1) / q.shape[1])
+            branch = int(np.argmax(share))
+            at = share[branch] * task.times()[-1]
+            eye = (start_eye(start) @ task.motion.pose).p[int(share[branch] * (q.shape[1] - 1))]
+            where = ", ".join(f"{x:.3f}" for x in eye)
+            what = f"out of reach of {self.arm.name} at {at:.2f} s, eye at ({where}) m"
+            fraction = float(share[branch])
+        else:
+            start, checks = tried.start, tried.checks
+            place = f"start p_m {list(start.p_m)}, yaw {start.yaw_deg:g} deg"
+            shift = tried.path.lead_in_s
+            fraction = max(0.0, checks.ok_until_s - shift) / task.times()[-1]
+            what = f"{checks.breaches[0]} ({branch_name(tried.branch)})"
+            others = sorted({b.check for b in checks.breaches[1:]} - {checks.breaches[0].check})
+            what += f"; also {', '.join(others)}" if others else ""
+        return PlanError(
+            f"the motion can't be done by {self.arm.name}: strict fraction {fraction:.3f} from "
+            f"{place}: {what}",
+            field="motion",
+            fix=self._advice(task, tried, progress),
+        )
+
+    def _advice(self, task: Task, tried: _Tried | None, progress: Progress | None) -> str:
+        """What stretch or start would do, tried out."""
+        if tried is not None and {b.check for b in tried.breaches} <= DYNAMIC:
+            worst = tried.checks.worst
+            need = max(worst["speed"], np.sqrt(worst["acceleration"]), 1.0)
+            for more in (1.01, 1.1, 1.3, 1.6):
+                stretch = round(float(need * more) * task.options.stretch, 2)
+                slower = task.options.model_copy(update={"stretch": stretch})
+                again = self._best(Task(task.motion, task.mounting, slower), [tried.start])
+                if again is not None and not again.breaches:
+                    return f"a stretch of {stretch:.2f} does it from there"
+        if progress is not None:
+            found = search(task, self.cell, progress)
+            better = self._best(task, list(dict.fromkeys(c.start for c in found))[:PLANNED])
+            if better is not None and not better.breaches:
+                p = ", ".join(f"{x:g}" for x in better.start.p_m)
+                return f"start: {{p_m: [{p}], yaw_deg: {better.start.yaw_deg:g}}} does it"
+        return "a smaller or slower motion, more room, or an arm that reaches farther"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tried:
+    """One start and posture, planned and examined."""
+
+    start: Start
+    branch: int
+    path: JointPath
+    checks: Examined
+
+    @property
+    def breaches(self) -> tuple[Breach, ...]:
+        return self.checks.breaches

@@ -1,0 +1,62 @@
+"""The arms as vrbench sees them; nothing heavy is imported before a hook's thing is used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+
+from vrbench.devices.ports import Finding, MotionPlanner, Robot, RobotSpec, Session
+from vrbench.errors import ConfigError
+from vrbench.geometry import Transform
+from vrbench_ur.arms import ARMS, UR5E, Arm
+from vrbench_ur.options import Options
+
+
+@contextmanager
+def _installed() -> Iterator[None]:
+    """Where a library has no wheel for this system, that is what is said."""
+    try:
+        yield
+    except ImportError as error:
+        raise ConfigError(
+            f"{error.name} is not installed: there is no wheel of it for this system",
+            field="robot.plugin",
+            fix="plan on Linux or macOS, move the robot from Linux",
+        ) from None
+
+
+def _open(arm: Arm, options: Options, session: Session) -> Robot:
+    with _installed():
+        from vrbench_ur.robot import UrRobot
+
+    return UrRobot(arm, options, session)
+
+
+def _planner(arm: Arm, options: Options, mounting: Transform) -> MotionPlanner:
+    with _installed():
+        from vrbench_ur.planning import PlannerPort
+
+    return PlannerPort(arm, options, mounting)
+
+
+def _check(arm: Arm, options: Options, _session: Session) -> Iterator[Finding]:
+    from vrbench_ur.probe import findings
+
+    return findings(arm, options)
+
+
+ROBOTS = [
+    RobotSpec(
+        name=arm.name,
+        title=f"{arm.title}, planned and replayed over RTDE",
+        open=partial(_open, arm),
+        rate_hz=500.0,
+        options=Options,
+        check=partial(_check, arm),
+        emulator=f"vrbench_ur.emulator{'' if arm is UR5E else '.' + arm.name}",
+        planner=partial(_planner, arm),
+        real=True,
+    )
+    for arm in ARMS.values()
+]

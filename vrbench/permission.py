@@ -1,0 +1,119 @@
+"""What a run must be allowed before a real robot moves: its plans, their hash, and a person's word.
+
+`plan_suite` plans all motions of a suite without a robot, so that the hash exists before anything
+moves. `Permission` keeps it for the run: asked for at the start, and again after every prompt that
+sends people to the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from vrbench.config.rig import Rig
+from vrbench.config.suite import Suite
+from vrbench.devices.permit import Permit, confirm, require, run_hash
+from vrbench.devices.ports import MotionPlanner, Plan
+from vrbench.errors import ConfigError
+from vrbench.motion.generators import generate
+from vrbench.motion.motion import at_speed
+from vrbench.plugin.manager import Plugins, check_options, pick
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """All plans of a suite on a rig's real robot.
+
+    Attributes:
+        robot: what moves: the rig's name of it, and its address where it has one.
+        plans: by motion and speed.
+        planner: that made them.
+    """
+
+    robot: str
+    plans: Mapping[tuple[str, float], Plan]
+    planner: MotionPlanner
+
+    @property
+    def hashes(self) -> list[str]:
+        """Of the plans, each once."""
+        return sorted({plan.hash for plan in self.plans.values()})
+
+    @property
+    def hash(self) -> str:
+        """Of all of them: what `--execute` names."""
+        return run_hash(self.hashes)
+
+
+@dataclass(frozen=True, slots=True)
+class Permission:
+    """A run's leave to move a robot.
+
+    Attributes:
+        planned: what is to be carried out.
+        ask: asks a person, and grants the plans: `vrbench.devices.permit.confirm`.
+    """
+
+    planned: Planned
+    ask: Callable[[str, list[str], Permit], None] = confirm
+
+    def again(self, permit: Permit) -> None:
+        """Asks, at the start, at `--resume`, and after every prompt that sent people to the robot.
+
+        Raises:
+            ConfigError: a person didn't confirm.
+        """
+        permit.revoke()
+        self.ask(self.planned.robot, self.planned.hashes, permit)
+
+
+def plan_suite(
+    suite: Suite, rig: Rig, rig_name: str, plugins: Plugins, progress: Progress
+) -> Planned | None:
+    """Plans of all motions of a suite; None where the rig's robot isn't a real one.
+
+    Args:
+        suite: whose cases are planned, each motion and speed once.
+        rig: with the nominal mounting.
+        rig_name: the rig's path or name, for messages.
+        plugins: for the robot.
+        progress: told how it goes on.
+
+    Raises:
+        ConfigError: the robot's options are wrong.
+        DeviceError: a motion can't be done; says where and why.
+    """
+    if rig.robot is None or suite.mover != "robot":
+        return None
+    spec = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
+    if not spec.real:
+        return None
+    if spec.planner is None:
+        raise ConfigError(
+            f"{spec.name} can't plan without moving", file=rig_name, field="robot.plugin"
+        )
+    options = check_options(rig.robot.options, spec.options, field="robot.options", file=rig_name)
+    planner = spec.planner(options, rig.mounting.tcp_eye.transform())
+    host = getattr(options, "host", None)
+    wanted = sorted({(suite.motions[case.motion], case.speed) for case in suite.cases})
+    plans = {}
+    for index, (name, speed) in enumerate(wanted):
+        motion = at_speed(generate(name), speed)
+
+        def tell(what: str, done: float, name: str = name, index: int = index) -> None:
+            progress(f"{name}: {what}", (index + done) / len(wanted))
+
+        plans[name, speed] = planner.plan(motion, tell)
+    return Planned(f"{spec.name} at {host}" if host else spec.name, plans, planner)
+
+
+def permission(planned: Planned, execute: str | None) -> Permission:
+    """Leave to ask for, where `--execute` names these plans.
+
+    Raises:
+        ConfigError: it names none, which makes this a dry run, or others.
+    """
+    require(execute, planned.hashes)
+    return Permission(planned)
