@@ -6,6 +6,8 @@ PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet --constr
 PLUGINS := $(wildcard plugins/*/*)
 # One pip command installs core and plugins together: none of them is on an index.
 EDITABLE := $(foreach plugin,$(PLUGINS),--editable ./$(plugin))
+# Clients and readers by others, against which tests hold ours.
+WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
 RUNS := runs/demo
 
@@ -44,5 +46,5 @@ $(VENV)/demo: $(MANIFESTS) | $(BIN)/python
 	@touch $@
 
 $(VENV)/test: $(MANIFESTS) | $(BIN)/python
-	$(PIP) --editable '.[evo,lint,test]' $(EDITABLE)
+	$(PIP) --editable '.[c3d,evo,lint,test]' $(EDITABLE) $(WITNESSES)
 	@touch $@ $(VENV)/demo

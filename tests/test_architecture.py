@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "vrbench"
 
 # From the ground up, as DESIGN's "The house" lists it; the later may import the earlier.
 ORDER = (
-    *("errors", "geometry", "trajectory", "clocks", "streams"),
+    *("errors", "geometry", "number_text", "trajectory", "clocks", "streams"),
     "motion",
     *("estimation", "metrics"),
     "statistics",
@@ -22,7 +22,7 @@ ORDER = (
     *("devices", "recording"),
     "plugin",
     "results",
-    *("permission", "runner", "importing", "scoring", "variants", "evaluation"),
+    *("permission", "runner", "importing", "scoring", "variants", "evaluation", "extraction"),
     "cli",
     "__main__",
 )

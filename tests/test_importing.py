@@ -82,9 +82,24 @@ def test_a_run_says_what_it_was_made_of(lab: Path, tmp_path: Path) -> None:
     assert {len(take.sha256) for take in record.takes} == {64}
 
 
+def test_a_further_log_of_the_robot_is_a_stream_and_no_reference(lab: Path, tmp_path: Path) -> None:
+    log = "{format: tum, path: replay.m1.r2.robot.tum}"
+    change(lab, "    robot: ", f"    robot_paper: {log}\n    robot: ")
+    bundle = bring(lab, tmp_path / "imported")
+    first, second, *_ = (bundle.columns(take) for take in bundle.record.takes)
+    assert list(first.poses) == ["headset/eye", "robot/tcp", "robot_paper/tcp"]
+    assert list(second.poses) == ["headset/eye", "robot/tcp"]
+    assert bundle.record.references == ["robot"]
+    assert first.metadata["headset"] == "my-headset"
+    assert first.metadata["role"] == "calibration"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
+        ("    robot: ", "    robot_paper: {path: x.tum}\n    robot: ", "robot_paper.format"),
+        ("    robot: ", "    robot_Paper: {format: tum, path: x}\n    robot: ", "robot_Paper"),
+        ("    robot: ", "    robot_paper: ", r"no reference \(give robot or mocap\)"),
         ("format: tum", "format: tumm", "no format is called 'tumm'"),
         ("calibrate.m1.r1.headset.tum", "gone.tum", "no such file"),
         ("case: calibrate", "case: calibration", "has no case 'calibration'"),

@@ -87,6 +87,10 @@ class Exchanges:
         return (self.received - self.sent) - (self.remote_sent - self.remote_received)
 
 
+FLOOR_NS = 5_000.0
+"""How well the ends of an exchange are stamped at best, on any host."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ExchangeFit:
     """A device's clock, from exchanges.
@@ -110,8 +114,8 @@ def fit_exchanges(
     """Offset and skew from the exchanges with the least round trips.
 
     A slow answer was delayed on one way, and nobody knows on which; so only the quickest `keep` of
-    the exchanges count (Mills, RFC 5905). The skew is fitted where they span `skew_after_s` or
-    more, and is zero before.
+    the exchanges count (Mills, RFC 5905), each by how little it can err. The skew is fitted where
+    they span `skew_after_s` or more, and is zero before.
 
     Raises:
         EstimationError: no exchange, or a round trip that is negative.
@@ -129,10 +133,13 @@ def fit_exchanges(
     at = exchanges.remote_received[best]
     middle = int(at[len(at) // 2])
     since = (at - middle) / NS
+    # An answer late by e errs by up to e / 2; the floor is what scheduling makes uncertain anyway.
+    weight = 1.0 / (FLOOR_NS + (trip[best] - trip.min()) / 2)
     if len(best) >= 3 and since[-1] - since[0] >= skew_after_s:
-        slope, level = np.polynomial.polynomial.polyfit(since, offset, 1)[::-1]
+        level, slope = np.polynomial.polynomial.polyfit(since, offset - offset[0], 1, w=weight)
+        level += offset[0]
     else:
-        slope, level = 0.0, float(np.median(offset))
+        slope, level = 0.0, float(offset[0] + np.average(offset - offset[0], weights=weight**2))
     residual = offset - (level + slope * since)
     return ExchangeFit(
         clock=ClockMap.affine(middle, float(level) / NS, float(slope) / NS),

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from vrbench.errors import EstimationError
 from vrbench.metrics.registry import Family
+from vrbench.protocols.body import Shapes, body_shapes, usable
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import Protocol
 from vrbench.results.bundle import Bundle
@@ -47,20 +48,22 @@ def evaluate(
     for reference in bundle.record.references:
         rules = Rules(bundle.record, suite, families, protocol, reference)
         calibrations = {
-            mount: _calibrated(bundle, protocol, reference, mount)
+            mount: calibrated(bundle, protocol, reference, mount)
             for mount in sorted({take.mount for take in bundle.record.takes})
         }
-        found[reference] = [c for good, _ in calibrations.values() for c in good.values()]
+        found[reference] = [c for good, *_ in calibrations.values() for c in good.values()]
         groups: dict[tuple[str, str], list[Scored]] = defaultdict(list)
         for take in bundle.record.takes:
             tell(take.name, done, len(bundle.record.takes) * len(bundle.record.references))
             done += 1
-            columns, (good, failures) = bundle.columns(take), calibrations[take.mount]
-            scored = score(rules, take, columns, good, failures)
-            variants = variant_rows(rules, scored, columns, good)
+            columns = bundle.columns(take)
+            own = replace(rules, reference=protocol.reference(columns, reference))
+            good, failures = usable(*calibrations[take.mount], body_shapes(columns, reference))
+            scored = score(own, take, columns, good, failures)
+            variants = variant_rows(own, scored, columns, good)
             scored = replace(scored, rows=[*scored.rows, *variants])
             rows += scored.rows
-            phases += phase_rows(take, scored.whole, reference)
+            phases += phase_rows(take, scored.whole, own.reference)
             groups[take.case, take.condition].append(scored)
         for group in groups.values():
             rows += _rows_of_repeats(rules, group)
@@ -68,24 +71,31 @@ def evaluate(
     table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
     write_rows(rows, bundle.folder / table)
     write_phases(phases, bundle.folder / by_phase)
-    write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
-    bundle.enter(table, by_phase, CALIBRATIONS)
+    bundle.enter(table, by_phase)
+    if protocol.calibrate is not None:
+        write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
+        bundle.enter(CALIBRATIONS)
     return rows
 
 
-def _calibrated(
+def calibrated(
     bundle: Bundle, protocol: Protocol, reference: str, mount: int
-) -> tuple[dict[str, Calibration], dict[str, str]]:
-    """The calibrations of a mount by take, and why the others failed."""
+) -> tuple[dict[str, Calibration], dict[str, str], dict[str, Shapes]]:
+    """The calibrations of a mount by take, why the others failed, and the bodies of all."""
     good: dict[str, Calibration] = {}
     failures: dict[str, str] = {}
+    bodies: dict[str, Shapes] = {}
+    if protocol.calibrate is None:
+        return good, failures, bodies
     for take in bundle.record.takes:
         if take.mount == mount and take.role == "calibration":
+            columns = bundle.columns(take)
+            bodies[take.name] = body_shapes(columns, reference)
             try:
-                good[take.name] = protocol.calibrate(bundle.columns(take), reference, take.name)
+                good[take.name] = protocol.calibrate(columns, reference, take.name)
             except EstimationError as error:
                 failures[take.name] = str(error)
-    return good, failures
+    return good, failures, bodies
 
 
 def _rows_of_repeats(rules: Rules, group: Sequence[Scored]) -> Iterator[Row]:

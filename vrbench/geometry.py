@@ -212,6 +212,87 @@ class Transform:
         return Transform(self.p[index], self.q[index])
 
 
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """How somebody else writes poses: which way the axes point, and the unit of length.
+
+    Axes are named as `x`, `-x`, `y` ...; both the parent's and the child's point so. A pose of
+    another convention is the same motion written in other coordinates: with M the signed
+    permutation from theirs to ours, p' = M p, R' = M R M^T, hence q' = (det(M) M q_xyz, q_w).
+
+    Attributes:
+        up: the axis against gravity.
+        forward: the axis of sight.
+        handedness: `right` or `left`.
+        unit_m: the unit of length [m].
+    """
+
+    up: str
+    forward: str
+    handedness: str = "right"
+    unit_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.handedness not in ("right", "left"):
+            raise ValueError(f"handedness is right or left, not {self.handedness!r}")
+        if np.dot(_axis(self.up), _axis(self.forward)) != 0.0:
+            raise ValueError(f"up {self.up!r} and forward {self.forward!r} are one line")
+
+    def to_openxr(self, pose: Transform) -> Transform:
+        """Poses written so, in OpenXR's convention: right-handed, y up, -z forward, metres."""
+        order, signs = self._permutation()
+        p = pose.p[..., order] * (signs * self.unit_m)
+        return Transform(p, self._rotated(pose.q, order, signs))
+
+    def from_openxr(self, pose: Transform) -> Transform:
+        """Poses in OpenXR's convention, written so."""
+        order, signs = self._permutation()
+        back = np.argsort(order)
+        p = pose.p[..., back] * (signs[back] / self.unit_m)
+        return Transform(p, self._rotated(pose.q, back, signs[back]))
+
+    def _rotated(self, q: Floats, order: Ints, signs: Floats) -> Floats:
+        hand = 1.0 if self.handedness == "right" else -1.0
+        return q[..., [*order, 3]] * np.append(signs * hand, 1.0)
+
+    def _permutation(self) -> tuple[Ints, Floats]:
+        """Which coordinates are right, up and backward (3,), and their signs (3,)."""
+        up, forward = _axis(self.up), _axis(self.forward)
+        right = np.cross(forward, up) * (1.0 if self.handedness == "right" else -1.0)
+        m = np.array([right, up, -forward])
+        return np.argmax(np.abs(m), axis=1), m.sum(axis=1)
+
+
+def _axis(name: str) -> Floats:
+    """The unit vector (3,) of `x`, `-x`, `y` ..."""
+    letter = name.removeprefix("-")
+    if letter not in ("x", "y", "z"):
+        raise ValueError(f"an axis is x, y, z, -x, -y or -z, not {name!r}")
+    return np.eye(3)["xyz".index(letter)] * (-1.0 if name.startswith("-") else 1.0)
+
+
+# WebXR, OpenVR, ARKit and HoloLens write poses as OpenXR does.
+OPENXR = Axes(up="y", forward="-z")
+UNITY = Axes(up="y", forward="z", handedness="left")
+UNREAL = Axes(up="z", forward="x", handedness="left", unit_m=0.01)
+ROS = Axes(up="z", forward="x")
+
+
 def unity_to_openxr(pose: Transform) -> Transform:
-    """Unity (left-handed, y up) to OpenXR (right-handed, y up, -z forward): z is mirrored."""
-    return Transform(pose.p * np.array([1.0, 1.0, -1.0]), pose.q * np.array([-1.0, -1.0, 1.0, 1.0]))
+    """Maps to p = (x, y, -z), q = (-x, -y, z, w)."""
+    return UNITY.to_openxr(pose)
+
+
+def unreal_to_openxr(pose: Transform) -> Transform:
+    """Maps to p = (Y, Z, -X) / 100, q = (-y, -z, x, w)."""
+    return UNREAL.to_openxr(pose)
+
+
+def openxr_to_ros(pose: Transform) -> Transform:
+    """Maps to p = (-z, -x, y), q = (-z, -x, y, w)."""
+    return ROS.from_openxr(pose)
+
+
+def unity_to_ros(pose: Transform) -> Transform:
+    """Maps to p = (z, -x, y), q = (-z, x, -y, w)."""
+    return ROS.from_openxr(UNITY.to_openxr(pose))

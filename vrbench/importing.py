@@ -6,11 +6,12 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from vrbench.config.recordings import STREAMS, RecordedTake, Recordings, Source, load_recordings
+from vrbench.config.recordings import RecordedTake, Recordings, Source, load_recordings
 from vrbench.config.shipped import find_file
 from vrbench.config.suite import DEFAULT, Case, Suite, load_suite, take_name
 from vrbench.config.yaml_file import as_yaml
 from vrbench.errors import ConfigError, DataError, VrbenchError
+from vrbench.motion.files import given
 from vrbench.motion.generators import GENERATORS, generate
 from vrbench.motion.motion import digest_of_name
 from vrbench.plugin.manager import Plugins, check_options, families_of, pick
@@ -30,8 +31,8 @@ from vrbench.results.bundle import (
 )
 from vrbench.streams import Columns, Event, Samples
 
-# What each stream is called in a take.
-TAKE_STREAMS = {"headset": "headset/eye", "robot": "robot/tcp", "mocap": "mocap/body"}
+# What each stream is called in a take; a second robot's `robot_paper` is `robot_paper/tcp`.
+TAKE_STREAMS = {"headset": "headset/eye", "mocap": "mocap/body"}
 # The motion of a calibration that doesn't say which it is.
 UNSTATED = "unstated"
 # Told of each take as it begins: its name, its place in the list, how many there are.
@@ -58,6 +59,7 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     families_of(suite, plugins, str(path))
     cases = [_case_of(take, suite, path) for take in recordings.takes]
     folder = folder or default_folder(suite.suite, recordings.device.headset)
+    _check_permission(recordings, suite, path)
     record = RunRecord(
         kind="imported",
         created=utc_now().isoformat(),
@@ -67,6 +69,8 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
         sitting=recordings.sitting,
         device=DeviceRecord(**recordings.device.model_dump()),
         references=_references(recordings, suite, path),
+        licence=recordings.licence,
+        consent=recordings.consent,
         accuracy={
             name: AccuracyRecord(metres=stated.value, source=stated.source)
             for name, stated in recordings.accuracy.items()
@@ -91,11 +95,25 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     return bundle
 
 
+def _check_permission(recordings: Recordings, suite: Suite, path: Path) -> None:
+    """A person's motion is nobody else's to publish."""
+    for name in ("licence", "consent"):
+        if suite.mover == "person" and not given(getattr(recordings, name)):
+            raise ConfigError(
+                f"suite {suite.label} records a person's motion: it needs {name}",
+                file=path,
+                field=name,
+                fix="say what was agreed with the person",
+            )
+
+
 def _case_of(take: RecordedTake, suite: Suite, path: Path) -> Case:
     try:
         case = suite.case(take.case)
     except ConfigError as error:
         raise ConfigError(error.what, file=path, field="takes.case", fix=error.fix) from None
+    if take.headset is None and suite.mover != "person":
+        raise ConfigError("a take has no headset", file=path, field="takes.headset")
     if case.role == "scored" and take.motion is None:
         raise ConfigError(
             f"a take of case {case.id} doesn't say which motion it is",
@@ -136,12 +154,10 @@ def _import_take(
 ) -> None:
     poses: dict[str, Samples] = {}
     repairs: list[str] = []
-    for name in STREAMS:
-        source: Source | None = getattr(take, name)
-        if source is not None:
-            imported = _read(source, recordings, path, plugins, f"{where}.{name}")
-            poses[TAKE_STREAMS[name]] = imported.samples
-            repairs += [f"{name}: {repair}" for repair in imported.repairs]
+    for name, source in take.sources.items():
+        imported = _read(source, recordings, path, plugins, f"{where}.{name}")
+        poses[TAKE_STREAMS.get(name, f"{name}/tcp")] = imported.samples
+        repairs += [f"{name}: {repair}" for repair in imported.repairs]
     motion = take.motion or UNSTATED
     record = TakeRecord(
         file=f"takes/{_name_of(take)}.mcap",
@@ -157,13 +173,15 @@ def _import_take(
     )
     metadata = {
         "case": case.id,
+        "role": case.role,
+        "headset": recordings.device.headset,
         "motion": motion,
         "motion_digest": record.motion_digest,
         "stretch": f"{1 / take.speed:.9g}",
         "logger": recordings.device.logger,
         "prediction": recordings.device.prediction,
     }
-    begin = min(int(samples.receive_t[0]) for samples in poses.values())
+    begin = int(poses[TAKE_STREAMS["headset"]].receive_t[0])
     events = [Event(begin, "repair", {"what": repair}) for repair in repairs]
     take_path = bundle.take_path(_name_of(take))
     with TakeWriter(take_path, metadata) as writer:

@@ -57,10 +57,11 @@ class Devices:
     robot: Robot
     operator: Operator
     session: Session
+    mocap: PoseSource | None = None
 
     @property
     def sources(self) -> list[PoseSource]:
-        return [self.robot, self.headset]
+        return [x for x in (self.robot, self.headset, self.mocap) if x is not None]
 
 
 def record_suite(
@@ -109,7 +110,7 @@ def record_suite(
         device=DeviceRecord(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
-        references=["robot"],
+        references=[name for name in suite.references if getattr(rig, name) is not None],
         accuracy=_accuracy(rig),
         seed=seed,
         versions=versions(plugins.versions()),
@@ -173,7 +174,8 @@ def _open(
         raise ConfigError(
             "the suite moves by robot, the rig has none", file=rig_name, field="robot"
         )
-    if rig.headset.plugin != SIMULATED or rig.robot.plugin != SIMULATED or rig.mocap is not None:
+    chosen = [device for device in (rig.headset, rig.robot, rig.mocap) if device is not None]
+    if any(device.plugin != SIMULATED for device in chosen):
         raise ConfigError(
             "this vrbench runs simulated rigs only; real devices come with their plugins",
             file=rig_name,
@@ -203,7 +205,18 @@ def _open(
         headset=stack.enter_context(route.open(headset_options, profile, session)),
         operator=SimulatedOperator(stage),
         session=session,
+        mocap=_open_mocap(rig, rig_name, plugins, session, stack),
     )
+
+
+def _open_mocap(
+    rig: Rig, rig_name: str, plugins: Plugins, session: Session, stack: ExitStack
+) -> PoseSource | None:
+    if rig.mocap is None:
+        return None
+    spec = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
+    options = check_options(rig.mocap.options, spec.options, field="mocap.options", file=rig_name)
+    return stack.enter_context(spec.open(options, session))
 
 
 def _record_step(

@@ -34,7 +34,7 @@ class Rules:
         suite: its suite, resolved.
         families: the metrics to compute.
         protocol: how to score.
-        reference: `robot` or `mocap`.
+        reference: `robot`, `mocap`, or another robot's log that the protocol asks for.
     """
 
     record: RunRecord
@@ -114,8 +114,8 @@ def score(
         failures: why the others didn't.
     """
     others = [c for name, c in calibrations.items() if name != take.name]
-    x, covariance = mean_x(others) if others else (None, None)
     try:
+        x, covariance = _mounting(rules, columns, others)
         whole, parts = _prepared(rules, take, columns, x, covariance)
     except (EstimationError, DataError) as error:
         failed = Verdict("failed", str(error))
@@ -141,6 +141,15 @@ def score(
         rows += pool(rows, ("segment",), why)
         models = {}
     return Scored(take, rows, verdict, whole, models, covariance)
+
+
+def _mounting(
+    rules: Rules, columns: Columns, others: Sequence[Calibration]
+) -> tuple[Transform | None, Floats | None]:
+    """X and its covariance (6, 6), as far as they are known."""
+    if rules.protocol.given_x is not None:
+        return rules.protocol.given_x(columns), None
+    return mean_x(others) if others else (None, None)
 
 
 def _prepared(
@@ -255,6 +264,8 @@ def _verdict(
     failures: Mapping[str, str],
 ) -> Verdict:
     """What the gate says of a take, and which calibrations it had to do without."""
+    if rules.protocol.given_x is not None:
+        return Verdict()
     own = calibrations.get(take.name)
     others = [c for c in calibrations.values() if c is not own]
     told = "; ".join(f"{name}: {why}" for name, why in failures.items() if name != take.name)

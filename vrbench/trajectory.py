@@ -22,6 +22,7 @@ from vrbench.geometry import (
     relative_angle,
     slerp,
 )
+from vrbench.number_text import read_plain
 
 NS = 1_000_000_000
 QUATERNION_TOLERANCE = 1e-2
@@ -109,6 +110,22 @@ class Trajectory:
         return np.diff(self.t) / NS
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Stamped:
+    """Poses as a file has them, for comparison with tools that take them so.
+
+    Attributes:
+        t: stamps (n,) [s], float64, in any order, equal ones too.
+        pose: `T_parent_child` (n,); the quaternions of any length.
+    """
+
+    t: Floats
+    pose: Transform
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
 def seconds_since(t: Ints, origin_ns: int) -> Floats:
     """Stamps [ns] as float64 seconds after an integer origin [ns]."""
     return (t - np.int64(origin_ns)) / NS
@@ -121,10 +138,32 @@ def read_tum(path: Path) -> Trajectory:
         DataError: no such file, no rows, a row of another shape, a value that isn't finite, a
             quaternion far from unit length, stamps that do not increase.
     """
+    rows = _tum_rows(path)
+    t = _stamps(path, rows[:, 0])
+    return checked_trajectory(t, rows[:, 1:4], rows[:, 4:8], path)
+
+
+def read_tum_as_written(path: Path) -> Stamped:
+    """A TUM file with its stamps as float64 seconds, in the order of its rows.
+
+    Raises:
+        DataError: no such file, no rows, a row of another shape, a value that isn't finite.
+    """
+    rows = _tum_rows(path)
+    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+    if len(bad):
+        raise DataError(f"pose {bad[0] + 1} holds a value that is not finite", file=path)
+    return Stamped(rows[:, 0], Transform(rows[:, 1:4], rows[:, 4:8]))
+
+
+def _tum_rows(path: Path) -> Floats:
+    """The numbers (n, 8) of a TUM file, its stamps within int64 nanoseconds."""
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*input contained no data")
-            rows = np.loadtxt(path, comments="#", ndmin=2)
+            rows = read_plain(path, 8)
+            if rows is None:
+                rows = np.loadtxt(path, comments="#", ndmin=2, encoding="utf-8-sig")
     except OSError as error:
         raise DataError("can't be read", file=path, fix=str(error)) from error
     except ValueError as error:
@@ -138,15 +177,14 @@ def read_tum(path: Path) -> Trajectory:
     bad = np.flatnonzero(~(np.abs(rows[:, 0]) < LATEST_S))
     if len(bad):
         raise DataError(f"stamp of pose {bad[0] + 1} is {rows[bad[0], 0]:g} s", file=path)
-    t = _stamps(path, rows[:, 0])
-    return checked_trajectory(t, rows[:, 1:4], rows[:, 4:8], path)
+    return rows
 
 
 def _stamps(path: Path, seconds: Floats) -> Ints:
     """A TUM file's stamps (n,) [ns], exact: from the text where float64 seconds lose digits."""
     if np.abs(seconds).max() < EXACT_S:
         return np.rint(seconds * NS).astype(np.int64)
-    text = np.loadtxt(path, dtype=object, comments="#", usecols=0, ndmin=1, encoding="utf-8")
+    text = np.loadtxt(path, dtype=object, comments="#", usecols=0, ndmin=1, encoding="utf-8-sig")
     return np.array([round(Decimal(stamp) * NS) for stamp in text.tolist()], dtype=np.int64)
 
 

@@ -41,11 +41,12 @@ def _in_sample(
     rules: Rules, take: TakeRecord, columns: Columns, calibrations: Mapping[str, Calibration]
 ) -> list[Row]:
     """APE with X fitted on this very take: better than it can truly be."""
+    calibrate = rules.protocol.calibrate
+    if calibrate is None:
+        return []
 
     def prepare() -> ScoredTake:
-        own = calibrations.get(take.name) or rules.protocol.calibrate(
-            columns, rules.reference, take.name
-        )
+        own = calibrations.get(take.name) or calibrate(columns, rules.reference, take.name)
         return rules.protocol.prepare(columns, rules.reference, own.x)
 
     return _variant(rules, take, columns, "in-sample", prepare, Verdict())

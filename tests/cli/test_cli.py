@@ -33,7 +33,17 @@ def refused(done: subprocess.CompletedProcess[str], code: int, told: str) -> Non
 def test_help_teaches_every_verb(tmp_path: Path) -> None:
     done = vrbench("--help", cwd=tmp_path)
     assert done.returncode == 0
-    for verb in ("run", "record", "import", "evaluate", "leaderboard", "plugin", "suite", "data"):
+    for verb in (
+        "ape",
+        "run",
+        "record",
+        "import",
+        "evaluate",
+        "leaderboard",
+        "plugin",
+        "suite",
+        "data",
+    ):
         assert f"\n  {verb} " in done.stdout
         own = vrbench(verb, "--help", cwd=tmp_path)
         assert own.returncode == 0

@@ -107,7 +107,9 @@ def test_a_version_that_is_not_there_names_the_one_that_is(write):
 
 
 def test_an_unknown_suite_lists_the_known(write):
-    with pytest.raises(ConfigError, match=r"'dance' .*calibration, gameplay-replay, swing"):
+    with pytest.raises(
+        ConfigError, match=r"'dance' .*calibration, gameplay-replay, head-capture, swing"
+    ):
         load_suite("dance", {"swing": write(TEXT)})
 
 

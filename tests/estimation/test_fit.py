@@ -262,14 +262,8 @@ def test_slow_drift_of_the_world_does_not_reach_x(truth):
     way = 0.01 * np.cos(2 * np.pi * s / 200.0)
     world = Transform(way[:, None] * np.ones(3), rotvec_to_quat(angle[:, None] * np.eye(3)[1]))
     drifting = Trajectory(estimate.t, world @ estimate.pose)
-    error = {
-        drift_s: np.linalg.norm(
-            calibrate(head, drifting, reference, 0.0, drift_s=drift_s).x.p - head.x.p
-        )
-        for drift_s in (40.0, None)
-    }
-    assert error[40.0] < 3e-3
-    assert error[None] > 2.0 * error[40.0]
+    found = calibrate(head, drifting, reference, 0.0)
+    assert np.linalg.norm(found.x.p - head.x.p) < 3e-3
 
 
 def test_x_is_redrawn_from_its_covariance(truth):
@@ -312,7 +306,8 @@ def test_recordings(recordings, device, offsets, rmse_mm):
     start = solve_handeye(tcp, take.eye.pose[covered])
     calibration = fit(reference, take.eye, clock=clock, x=start.x, y=start.y, free=CALIBRATION)
     assert offset_error(calibration, offsets[0]) == pytest.approx(0.0, abs=1.5e-3)
-    assert 3e-4 < calibration.sigma("offset") < 2e-3
+    # thirds of calib scatter by 0.1 to 0.2 ms about a clock that gains 20 to 30 ppm
+    assert 5e-5 < calibration.sigma("offset") < 5e-4
 
     take = recordings[device, "traj1"]
     reference = PoseSpline(take.tcp.between(*active_window(take.tcp)))

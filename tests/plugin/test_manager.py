@@ -68,8 +68,7 @@ def test_alone_the_built_in_plugin_offers_a_simulated_lab(install):
     plugins = Plugins()
     assert [info.name for info in plugins.infos] == [BUILTIN]
     assert broken(plugins) == {}
-    assert set(plugins.headsets) == set(plugins.robots) == {"sim"}
-    assert plugins.mocap == {}
+    assert set(plugins.headsets) == set(plugins.robots) == set(plugins.mocap) == {"sim"}
     assert "tum" in plugins.importers
     assert "ape" in plugins.metrics
     assert "gameplay-replay" in plugins.suites

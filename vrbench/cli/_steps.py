@@ -85,12 +85,13 @@ def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) 
     """Evaluates a run by a protocol."""
     from vrbench.evaluation import evaluate
     from vrbench.plugin.manager import Plugins, families_of, pick
-    from vrbench.protocols.vrbench_1 import PROTOCOL as VRBENCH_1
+    from vrbench.protocols.registry import builtin_protocols
 
     plugins = plugins or Plugins()
-    protocols = {VRBENCH_1.name: VRBENCH_1}
+    protocols = {found.name: found for found in builtin_protocols()}
     chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
-    families = families_of(bundle.record.resolved_suite(), plugins, str(bundle.folder))
+    suite = bundle.record.resolved_suite()
+    families = chosen.families or families_of(suite, plugins, str(bundle.folder))
     with bar(f"evaluate {bundle.folder.name}") as tell:
         return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total))
 

@@ -19,7 +19,7 @@ def list_() -> None:
     Files are looked for below the folder that VRBENCH_DATA names, and their sha256 is checked.
     """
     from vrbench.cli._tables import show_table
-    from vrbench.config.recordings import STREAMS, load_recordings
+    from vrbench.config.recordings import load_recordings
     from vrbench.config.shipped import shipped_files
     from vrbench.recording import datasets
 
@@ -39,8 +39,8 @@ def list_() -> None:
     rows = []
     for name, path in shipped_files("recordings").items():
         recordings = load_recordings(path)
-        sources = [getattr(take, stream) for take in recordings.takes for stream in STREAMS]
-        wanted = {source.path.as_posix() for source in sources if source is not None}
+        sources = [source for take in recordings.takes for source in take.sources.values()]
+        wanted = {source.path.as_posix() for source in sources}
         there = states.get(recordings.dataset or "", {})
         lacking = sorted(file for file in wanted if there.get(file) != "present")
         rows.append([name, "ready" if not lacking else "lacks " + ", ".join(lacking)])

@@ -40,3 +40,37 @@ def list_() -> None:
     ]
     offers += [["suite", name, str(path.name)] for name, path in plugins.suites.items()]
     show_table("What they offer", ["kind", "name", "title"], offers)
+
+
+@command.command(
+    "emulate",
+    context_settings={"ignore_unknown_options": True},
+    epilog="Example: vrbench plugin emulate optitrack -- --version 3.1 --multicast",
+)
+@click.argument("device")
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def emulate(device: str, arguments: tuple[str, ...]) -> None:
+    """Run the emulator of DEVICE on this computer; `-- --help` lists its own ARGUMENTS."""
+    import subprocess
+    import sys
+
+    from vrbench.errors import ConfigError
+    from vrbench.plugin.manager import Plugins
+
+    plugins = Plugins()
+    modules = {
+        spec.name: spec.emulator
+        for specs in (plugins.headsets, plugins.mocap, plugins.robots)
+        for spec in specs.values()
+        if spec.emulator is not None
+    }
+    if device not in modules:
+        raise ConfigError(
+            f"no emulator of {device!r}", fix=f"there are {', '.join(sorted(modules)) or 'none'}"
+        )
+    running = subprocess.Popen([sys.executable, "-m", modules[device], *arguments])
+    try:
+        sys.exit(running.wait())
+    except KeyboardInterrupt:
+        running.terminate()
+        sys.exit(running.wait())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +13,8 @@ from vrbench.config.suite import Name
 from vrbench.config.yaml_file import load_model
 
 STREAMS = ("headset", "robot", "mocap")
+# A further log of the robot, `robot_paper`: a reference only where a protocol asks for it.
+OTHER_ROBOT = re.compile(r"robot_[a-z0-9]+")
 
 
 class _Strict(BaseModel):
@@ -42,16 +45,37 @@ class DeviceFacts(_Strict):
 
 
 class RecordedTake(_Strict):
-    """One take: its place in the suite, and a file for each stream."""
+    """One take: its place in the suite, and a file for each stream.
+
+    Fields `robot_NAME` are further logs of the robot: they are gathered in `other_robots`.
+    """
 
     case: Name
     mount: int = Field(1, ge=1, le=1000)
     repeat: int = Field(1, ge=1, le=1000)
     motion: str | None = None
     speed: float = Field(1.0, ge=0.05, le=10.0)
-    headset: Source
+    headset: Source | None = None
     robot: Source | None = None
     mocap: Source | None = None
+    other_robots: dict[str, Source] = {}
+
+    @property
+    def sources(self) -> dict[str, Source]:
+        """The source of each stream there is, by the stream's name."""
+        own = {name: getattr(self, name) for name in STREAMS}
+        return {
+            name: source for name, source in own.items() if source is not None
+        } | self.other_robots
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_other_robots(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or "other_robots" in content:
+            return content
+        others = {k: v for k, v in content.items() if OTHER_ROBOT.fullmatch(str(k))}
+        rest = {k: v for k, v in content.items() if k not in others}
+        return rest | {"other_robots": others} if others else rest
 
     @model_validator(mode="after")
     def _has_reference(self) -> RecordedTake:
@@ -68,6 +92,8 @@ class Recordings(_Strict):
     lab: str = Field(min_length=1)
     device: DeviceFacts
     sitting: str = "1"
+    licence: str | None = None
+    consent: str | None = None
     accuracy: dict[Literal["robot", "mocap"], Accuracy] = {}
     takes: tuple[RecordedTake, ...] = Field(min_length=1)
 

@@ -177,6 +177,11 @@ class Tracking:
         interval_jitter_s: rms of the sampling instants about the nominal rate [s].
         lost_per_minute: mean number of times tracking is lost in a minute.
         lost_s: how long each loss lasts [s].
+        prediction_s: how far ahead of its stamp a pose is predicted. The prediction knows no
+            acceleration: it errs by half of that times the square of this [s].
+        scale_error: its distances too long by this, relative; ref/est is 1 / (1 + this).
+        drift_m_per_min: slow drift of its world, in a direction of chance [m/min].
+        drift_rad_per_min: the same of yaw, to a side of chance [rad/min].
         source: where the numbers come from.
     """
 
@@ -188,6 +193,10 @@ class Tracking:
     interval_jitter_s: float = 0.0003
     lost_per_minute: float = 0.2
     lost_s: float = 0.15
+    prediction_s: float = 0.0
+    scale_error: float = 0.0
+    drift_m_per_min: float = 0.0
+    drift_rad_per_min: float = 0.0
     source: str = "made up"
 
 

@@ -1,4 +1,4 @@
-"""Weighted normal equations of the model, with or without a slow drift of the world's frame."""
+"""Normal equations of the model: of samples taken as independent, and whitened in bins."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.estimation.model import Model, State
+from vrbench.estimation.noise import BIN_S, LEAST_WEIGHT, Noise, estimate_noise
 from vrbench.estimation.robust import bisquare, scale_of
-from vrbench.geometry import Floats
+from vrbench.geometry import Bools, Floats
 
 # Wide, so that the heavy tails of real tracking count almost in full, yet jumps not at all: under
 # a scale that is free, even a little weight of a jump shrinks it.
 CUT = 15.0
-BIN_S = 0.1
 # How much of a slow residual stays with the parameters when drift is allowed.
 DRIFT_SHARE = 0.1
 
@@ -26,94 +26,148 @@ class Normal:
     Attributes:
         bread: inverse of the weighted normal matrix (k, k).
         gradient: half the gradient of the cost (k,).
-        translation: residuals (n, 3) [m].
-        rotation: residuals (n, 3) [rad].
     """
 
     bread: Floats
     gradient: Floats
-    translation: Floats
-    rotation: Floats
-    _pairs: tuple[_Kind, _Kind]
-    _hats: Floats | None
-
-    def scores(self, model: Model, state: State) -> Floats:
-        """The gradient's parts (b, k) by bins of `BIN_S`, for `block_covariance`."""
-        bins = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
-        scores = np.zeros((int(bins[-1]) + 1, len(model.names)))
-        for part in model.chunks():
-            p, r, d_p, d_r = model.linearised(state, part)
-            for kind, residual, d in zip(self._pairs, (p, r), (d_p, d_r), strict=True):
-                weight = kind.weight[part]
-                if self._hats is not None:
-                    d = d - np.einsum("nh,chk->nck", self._hats[part], kind.slow)
-                each = np.einsum("nck,nc->nk", d, np.nan_to_num(residual) * weight[:, None])
-                np.add.at(scores, bins[part], np.where(weight[:, None] > 0.0, each, 0.0))
-        return scores
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Kind:
-    """Translation or rotation: weights (n,), slow part of the derivatives (3, h, k)."""
+class Binned:
+    """A residual with three axes and its derivatives, as robust means over bins of `BIN_S`.
 
-    weight: Floats
-    slow: Floats
-
-
-def drift_hats(model: Model, drift_s: float | None) -> Floats | None:
-    """Piecewise-linear functions of time (n, h), knots half of `drift_s` apart.
-
-    None if no drift is wanted, or if the take is too short to tell drift from motion.
+    Attributes:
+        residual: (b, 3).
+        derivative: (b, 3, k).
+        known: bins with samples enough (b,).
     """
-    first, last = model.since_middle[0], model.since_middle[-1]
-    if drift_s is None or last - first < 2.0 * drift_s:
-        return None
-    knots = np.linspace(first, last, int(np.ceil((last - first) / (0.5 * drift_s))) + 1)
-    return np.stack([np.interp(model.since_middle, knots, hat) for hat in np.eye(len(knots))], 1)
+
+    residual: Floats
+    derivative: Floats
+    known: Bools
+
+    def moved(self, step: Floats) -> Binned:
+        """The same after a small step (k,) in the parameters."""
+        return Binned(self.residual + self.derivative @ step, self.derivative, self.known)
+
+    def noise(self, root: Floats) -> Noise:
+        """The noise in it, given a root (k, k) of the parameters' covariance."""
+        return estimate_noise(self.residual, self.known, self.derivative @ root)
 
 
-def normal_equations(
-    model: Model, state: State, hats: Floats | None, information: Floats, pull: Floats
-) -> Normal:
-    """The equations at a state.
-
-    With `hats` (n, h) the world's frame drifts by small piecewise-linear amounts, which are
-    eliminated: a mixed model, in which `DRIFT_SHARE` sets the drift's variance.
+def normal_equations(model: Model, state: State, information: Floats, pull: Floats) -> Normal:
+    """The equations at a state, every sample taken as independent of all others.
 
     Args:
         information: of a Gaussian prior on the parameters (k, k).
         pull: the prior's part of the gradient (k,).
     """
-    translation, rotation = model.residuals(state)
-    weights = (_weights(translation), _weights(rotation))
-    k, h = len(model.names), 0 if hats is None else hats.shape[1]
+    weights = [_weights(residual) for residual in model.residuals(state)]
     matrix, gradient = information.copy(), pull.copy()
-    inner = np.zeros((2, h, h))
-    mixed, slow_residual = np.zeros((2, 3, h, k)), np.zeros((2, 3, h))
+    k = len(model.names)
     for part in model.chunks():
         p, r, d_p, d_r = model.linearised(state, part)
-        for i, (residual, derivative) in enumerate(((p, d_p), (r, d_r))):
-            on = weights[i][part] > 0.0
-            weight, d, e = weights[i][part][on], derivative[on], residual[on]
-            weighted = d * weight[:, None, None]
+        for weight, residual, derivative in zip(weights, (p, r), (d_p, d_r), strict=True):
+            on = weight[part] > 0.0
+            d, e = derivative[on], residual[on]
+            weighted = d * weight[part][on][:, None, None]
             matrix += weighted.reshape(-1, k).T @ d.reshape(-1, k)
             gradient += np.einsum("nck,nc->k", weighted, e)
-            if hats is not None:
-                b = hats[part][on]
-                inner[i] += (b * weight[:, None]).T @ b
-                mixed[i] += np.stack([b.T @ weighted[:, c] for c in range(3)])
-                slow_residual[i] += (e * weight[:, None]).T @ b
-    kinds = []
-    for i in range(2):
-        slow = np.zeros((3, h, k))
-        if hats is not None:
-            ridge = DRIFT_SHARE / (1.0 - DRIFT_SHARE) * np.trace(inner[i]) / h
-            slow = np.linalg.solve(inner[i] + ridge * np.eye(h), mixed[i])
-            matrix -= np.einsum("chk,chl->kl", mixed[i], slow)
-            gradient -= np.einsum("chk,ch->k", slow, slow_residual[i])
-        kinds.append(_Kind(weights[i], slow))
-    bread = _inverse(matrix, model.names)
-    return Normal(bread, gradient, translation, rotation, (kinds[0], kinds[1]), hats)
+    return Normal(_inverse(matrix, model.names), gradient)
+
+
+def binned(model: Model, state: State) -> tuple[Binned, Binned]:
+    """Translation and rotation at a state, in bins."""
+    weights = [_weights(residual) for residual in model.residuals(state)]
+    bins = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
+    count, k = int(bins[-1]) + 1, len(model.names)
+    sums = [np.zeros((count, 1 + 3 + 3 * k)) for _ in weights]
+    for part in model.chunks():
+        p, r, d_p, d_r = model.linearised(state, part)
+        starts = np.flatnonzero(np.diff(bins[part], prepend=-1))
+        for total, weight, e, d in zip(sums, weights, (p, r), (d_p, d_r), strict=True):
+            w = weight[part, None]
+            columns = np.concatenate((np.ones_like(w), e, d.reshape(len(e), -1)), axis=1)
+            columns = np.where(w > 0.0, w * columns, 0.0)
+            total[bins[part][starts]] += np.add.reduceat(columns, starts, axis=0)
+    found = []
+    for total in sums:
+        weight = total[:, 0]
+        known = weight > LEAST_WEIGHT * np.median(weight[weight > 0.0])
+        mean = np.where(known[:, None], total / np.where(known, weight, 1.0)[:, None], 0.0)
+        found.append(Binned(mean[:, 1:4], mean[:, 4:].reshape(-1, 3, k), known))
+    return found[0], found[1]
+
+
+def general_equations(
+    translation: Binned,
+    rotation: Binned,
+    noises: tuple[Noise, Noise],
+    names: tuple[str, ...],
+    hats: Floats | None,
+    information: Floats,
+    pull: Floats,
+) -> tuple[Normal, Floats]:
+    """The equations in bins under the noise that both kinds show, and the covariance (k, k).
+
+    Rotation is whitened. Translation isn't: on recordings its error is not one noise at all times
+    but moves with the motion (the headset's scale alone differs by 1 % from one minute to the
+    next), and whitening, which takes for exact what is quick, made X worse there. It is fitted
+    with equal weights, freed of slow drift, and as a whole is worth what its noise lets it be; the
+    covariance is that of this estimate under the noise, not that of the best one.
+
+    Args:
+        translation: residuals and derivatives.
+        rotation: the same.
+        noises: of both.
+        names: of the parameters.
+        hats: functions of time (b, h) that a drift of the world is made of, or None.
+        information: as in `normal_equations`.
+        pull: as in `normal_equations`.
+    """
+    k = len(names)
+    rows = noises[1].rows(rotation.known)
+    d = noises[1].whitened(rotation.derivative, rows).reshape(-1, k)
+    e = noises[1].whitened(rotation.residual, rows).reshape(-1)
+    matrix, gradient = information + d.T @ d, pull + d.T @ e
+    middle = matrix.copy()
+    known = translation.known
+    kept = np.where(known[:, None, None], translation.derivative, 0.0)
+    if hats is not None:
+        kept = _without_drift(kept, hats * known[:, None])
+    flat = kept.reshape(-1, k)
+    equal = flat.T @ translation.derivative.reshape(-1, k)
+    scatter = noises[0].scattered(kept)
+    felt = np.diag(equal) > 1e-9 * np.trace(equal)
+    variance = float(np.mean(np.diag(scatter)[felt] / np.diag(equal)[felt]))
+    matrix += equal / variance
+    gradient += flat.T @ translation.residual.reshape(-1) / variance
+    middle += scatter / variance**2
+    bread = _inverse(matrix, names)
+    return Normal(bread, gradient), bread @ middle @ bread
+
+
+def drift_hats(bins: int, drift_s: float) -> Floats | None:
+    """Piecewise-linear functions of time (bins, h), knots half of `drift_s` apart.
+
+    None for takes too short to tell drift from motion.
+    """
+    duration_s = bins * BIN_S
+    if duration_s < 2.0 * drift_s:
+        return None
+    knots = np.linspace(0.0, bins - 1.0, int(np.ceil(2.0 * duration_s / drift_s)) + 1)
+    return np.stack([np.interp(np.arange(bins), knots, hat) for hat in np.eye(len(knots))], 1)
+
+
+def _without_drift(values: Floats, hats: Floats) -> Floats:
+    """Values (b, 3, k) less what a drift of hats (b, h) explains, up to `DRIFT_SHARE` of it."""
+    inner = hats.T @ hats
+    size = inner.shape[0]
+    ridge = DRIFT_SHARE / (1.0 - DRIFT_SHARE) * np.trace(inner) / size
+    slow = np.linalg.solve(
+        inner + ridge * np.eye(size), np.tensordot(hats, values, (0, 0)).reshape(size, -1)
+    )
+    return values - (hats @ slow).reshape(values.shape)
 
 
 def _weights(residual: Floats) -> Floats:

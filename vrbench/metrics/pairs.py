@@ -75,7 +75,7 @@ def pairs_by_path(p: Floats, delta: float, tolerance: float, *, all_pairs: bool 
     """
     steps = np.linalg.norm(np.diff(p, axis=0), axis=1)
     if not all_pairs:
-        return _end_to_end(steps, delta)
+        return end_to_end(steps, delta)
     n = len(p)
     path = np.concatenate(([0.0], np.cumsum(steps)))
     first = np.arange(max(n - 1, 0))
@@ -102,7 +102,7 @@ def pairs_by_angle(q: Floats, delta: float, tolerance: float, *, all_pairs: bool
         q: unit quaternions (n, 4).
     """
     if not all_pairs:
-        return _end_to_end(relative_angle(q[:-1], q[1:]), delta)
+        return end_to_end(relative_angle(q[:-1], q[1:]), delta)
     firsts, seconds = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for i in range(len(q) - 1):
         angle = relative_angle(q[i], q[i + 1 :])
@@ -126,7 +126,8 @@ def pairs_by_time(t: Ints, delta_ns: int, tolerance_ns: int) -> Pairs:
     return first[later], second[later]
 
 
-def _end_to_end(steps: Floats, delta: float) -> Pairs:
+def end_to_end(steps: Floats, delta: float) -> Pairs:
+    """Poses between which steps (n - 1,) add up to delta or more; each pair starts afresh."""
     # Summed from each start on, not as a difference of sums, which would round otherwise.
     ends, since = [0], 0.0
     for i, step in enumerate(steps.tolist(), start=1):

@@ -79,7 +79,7 @@ def shooter() -> Motion:
 
 def saturate() -> Motion:
     """The calibration motion: slow, about and along all axes, beyond the suites' motions."""
-    return _saturating("saturate-1", "Calibration: all axes, slow, 90 s", 90.0)
+    return _saturating("saturate-1", "Calibration: all axes, slow, 120 s", 120.0)
 
 
 def saturate_short() -> Motion:
@@ -89,12 +89,16 @@ def saturate_short() -> Motion:
 
 def _saturating(name: str, title: str, duration_s: float) -> Motion:
     t = np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ
-    # Two tones a channel, none a multiple of another, so that no axis moves with another.
+    # Two tones a channel, none a multiple of another, so that no axis moves with another. A tracker
+    # errs slowly, so X is told by turns that are quicker than its errors: the second tones of
+    # rotation are as quick as stays below 0.5 m/s and 90 deg/s with the flange 0.3 m away.
     slow = np.array([0.067, 0.083, 0.073, 0.097, 0.071, 0.089])
-    fast = np.array([0.191, 0.223, 0.211, 0.257, 0.199, 0.241])
+    fast = np.array([0.117, 0.139, 0.127, 0.389, 0.353, 0.431])
     reach = np.concatenate(([0.36, 0.14, 0.20], np.radians([30.0, 45.0, 24.0])))
+    of_slow = np.array([0.66, 0.66, 0.66, 0.60, 0.60, 0.60])
+    of_fast = np.array([0.40, 0.40, 0.40, 0.45, 0.45, 0.45])
     angle = 2.0 * np.pi * t[:, None]
-    course = reach * (0.66 * np.sin(angle * slow) + 0.40 * np.sin(angle * fast + 1.0))
+    course = reach * (of_slow * np.sin(angle * slow) + of_fast * np.sin(angle * fast + 1.0))
     return _motion(name, title, t, _rest_at_ends(t, course, 2.0, 3.0))
 
 

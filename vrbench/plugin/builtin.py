@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from vrbench.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from vrbench.devices.ports import HeadsetSpec, RobotSpec
+    from vrbench.devices.ports import HeadsetSpec, MocapSpec, RobotSpec
     from vrbench.metrics.registry import Family
     from vrbench.recording.importer import Importer
 
@@ -19,6 +19,13 @@ def vrbench_headsets() -> Sequence[HeadsetSpec]:
     from vrbench.devices.simulated.headset import HEADSET
 
     return [HEADSET]
+
+
+@hookimpl
+def vrbench_mocap() -> Sequence[MocapSpec]:
+    from vrbench.devices.simulated.mocap import MOCAP
+
+    return [MOCAP]
 
 
 @hookimpl

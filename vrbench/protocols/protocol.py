@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
 from vrbench.clocks import ClockMap
 from vrbench.errors import DataError
 from vrbench.geometry import Transform
+from vrbench.metrics.registry import Family
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration
 from vrbench.streams import Columns, Samples
@@ -37,6 +38,11 @@ class Prepare(Interface):
     ) -> ScoredTake: ...
 
 
+def as_asked(columns: Columns, reference: str) -> str:  # noqa: ARG001
+    """The reference that was asked for, whatever else the take has."""
+    return reference
+
+
 @dataclass(frozen=True, slots=True)
 class Protocol:
     """A chain from takes to numbers.
@@ -44,14 +50,22 @@ class Protocol:
     Attributes:
         name: name and version, `vrbench-1`.
         title: what it does, in a sentence.
-        calibrate: X of a calibration take, given its columns, `robot` or `mocap`, and its name.
         prepare: a take made ready for the metrics, with X from elsewhere.
+        calibrate: X of a calibration take, given its columns, `robot` or `mocap`, and its name;
+            None where the protocol brings X along,
+        given_x: and this is it, of a take. Then no gate applies.
+        reference: the stream a take is scored against, given `robot` or `mocap`: that one, or
+            another robot's log.
+        families: the metrics it prints; none where they are the suite's.
     """
 
     name: str
     title: str
-    calibrate: Callable[[Columns, str, str], Calibration]
     prepare: Prepare
+    calibrate: Callable[[Columns, str, str], Calibration] | None = None
+    given_x: Callable[[Columns], Transform] | None = None
+    reference: Callable[[Columns, str], str] = as_asked
+    families: Sequence[Family] = ()
 
 
 def headset_samples(columns: Columns) -> Samples:
@@ -66,12 +80,12 @@ def headset_samples(columns: Columns) -> Samples:
 
 
 def reference_samples(columns: Columns, reference: str) -> Samples:
-    """The stream that counts as truth: `robot` or `mocap`.
+    """The stream that counts as truth: `robot`, `mocap`, or another robot's log `robot_NAME`.
 
     Raises:
         DataError: the take has none, or several bodies of motion capture.
     """
-    wanted = REFERENCES[reference]
+    wanted = REFERENCES.get(reference, f"{reference}/tcp")
     found = [stream for stream in columns.poses if stream.startswith(wanted)]
     if not found:
         raise DataError(f"the take has no {wanted}", fix=f"it has {', '.join(columns.poses)}")

@@ -63,6 +63,20 @@ def imported_poses(
     return Imported(Samples.of(t, pose, receive_t=receive_t), repairs)
 
 
+def with_invalid(imported: Imported, t: Ints) -> Imported:
+    """The same with an invalid sample at each of the times t (n,) [ns], where a body was lost.
+
+    A file of motion capture has a row for each frame, whether the body was seen or not; what it
+    says of the others is worth keeping.
+    """
+    if not len(t):
+        return imported
+    nothing = Transform(np.zeros((len(t), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
+    both = Samples.concatenate([imported.samples, Samples.of(t, nothing, flags=0)])
+    order = np.argsort(both.pose_t, kind="stable")
+    return Imported(both[order], imported.repairs)
+
+
 def checked_poses(p: Floats, q: Floats, *, file: Path, row: str = "pose") -> Transform:
     """Poses (n,) of positions (n, 3) [m] and quaternions (n, 4) that `file` claims.
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,59 @@ def parse_columns(
         bad = _bad_value(lines, columns, parsers, file, first_line)
         raise bad or DataError(str(error), file=file, fix=told(columns)) from error
     return rows["stamp"], rows["values"]
+
+
+def parse_fields(
+    rows: Sequence[Sequence[str]],
+    columns: Sequence[str],
+    *,
+    stamp: str,
+    values: Sequence[str],
+    unit_ns: int,
+    file: Path,
+    first_line: int = 1,
+) -> tuple[Ints, Floats]:
+    """Stamps (n,) [ns] and values (n, k) of n lines that are split already.
+
+    Stamps may have a decimal point and are read to the last nanosecond: as floats, seconds since
+    1970 would lose digits.
+
+    Args:
+        rows: the fields of each line.
+        columns: the names of all columns, in order.
+        stamp: the name of the column of stamps.
+        values: the names of the columns of values (k,).
+        unit_ns: the unit of the stamps [ns].
+        file: named in errors.
+        first_line: the number of the first of the lines in the file.
+
+    Raises:
+        DataError: a line of more or fewer columns, a value that is no number.
+    """
+    at = columns.index(stamp)
+    places = [columns.index(name) for name in values]
+    t = np.empty(len(rows), dtype=np.int64)
+    found = np.empty((len(rows), len(values)))
+    for i, row in enumerate(rows):
+        if len(row) != len(columns):
+            raise DataError(
+                f"has {len(row)} columns",
+                file=file,
+                field=f"line {first_line + i}",
+                fix=told(columns),
+            )
+        place = at
+        try:
+            t[i] = int((Decimal(row[at]) * unit_ns).to_integral_value())
+            for k, place in enumerate(places):
+                found[i, k] = float(row[place])
+        except (ArithmeticError, ValueError):
+            raise DataError(
+                f"{row[place]!r} is not a number",
+                file=file,
+                field=f"line {first_line + i}, column {place + 1} ({columns[place]})",
+            ) from None
+    return t, found
 
 
 def told(columns: Sequence[str]) -> str:

@@ -10,11 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, StringConstraints
+from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
 
 from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import validate
 from vrbench.errors import ConfigError, DataError
+from vrbench.motion.files import given
 from vrbench.recording.take import read_take
 from vrbench.streams import Columns
 
@@ -80,9 +81,20 @@ class RunRecord(_Record):
     references: list[str]
     accuracy: dict[str, AccuracyRecord] = {}
     seed: int | None = None
+    licence: str | None = None
+    consent: str | None = None
     versions: dict[str, str]
     files: dict[str, str] = {}
     takes: list[TakeRecord] = []
+
+    @model_validator(mode="after")
+    def _permitted(self) -> RunRecord:
+        """A run that carries a person's motion says under which licence, and by what consent."""
+        if self.suite.get("mover") == "person" and self.kind != "simulated":
+            for name in ("licence", "consent"):
+                if not given(getattr(self, name)):
+                    raise ValueError(f"a run with a person's motion needs {name}")
+        return self
 
     def resolved_suite(self) -> Suite:
         """The suite as it was when the run was made."""

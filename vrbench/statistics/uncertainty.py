@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vrbench.estimation.blocks import block_covariance
 from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
-from vrbench.metrics.compared import MM, aligned
+from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval, Series, Statistic, bootstrap
 from vrbench.trajectory import NS
@@ -31,17 +32,36 @@ class ErrorModel:
         constant: mean square error in each bin (b,), in the square of the error's unit.
         linear: its gradient (b, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
         quadratic: and half its curvature (b, 6, 6).
+        turn: covariance of the alignment's own rotation (3, 3), in the square of the unit. It is
+            fitted to positions, turns all rotations of the take alike, and so no resampling of
+            them shows it. None for translations, which are fitted themselves.
     """
 
     constant: Floats
     linear: Floats
     quadratic: Floats
+    turn: Floats | None = None
 
     def errors(self, dx: Floats) -> Floats:
         """Errors (m, b) with X off by dx (m, 6)."""
-        square = self.constant + dx @ self.linear.T
-        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        return np.sqrt(np.maximum(self._squares(dx), 0.0))
+
+    def drawn(self, dx: Floats, rng: np.random.Generator) -> Floats:
+        """Errors (m, b) with X off by dx (m, 6), and what the alignment's chance adds to them.
+
+        The take's own alignment is off by one draw already; so what draws add to the mean square
+        is centred, and widens the interval without moving it.
+        """
+        square = self._squares(dx)
+        if self.turn is not None:
+            turn = rng.multivariate_normal(np.zeros(3), self.turn, size=len(dx), method="eigh")
+            square += (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
         return np.sqrt(np.maximum(square, 0.0))
+
+    def _squares(self, dx: Floats) -> Floats:
+        square: Floats = self.constant + dx @ self.linear.T
+        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        return square
 
 
 def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
@@ -62,9 +82,23 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
             derivatives[key].append((there - here[key]) / STEP)
     bins = np.floor((take.estimate.t - take.estimate.t[0]) / (BIN_S * NS)).astype(np.int64)
     _, bins = np.unique(bins, return_inverse=True)
-    return {
+    models = {
         key: _model(error, np.stack(derivatives[key], axis=2), bins) for key, error in here.items()
     }
+    for at in aligned(take):
+        key = ("ape.rotation.aligned", at.point)
+        models[key] = replace(models[key], turn=_turn_covariance(at, bins))
+    return models
+
+
+def _turn_covariance(at: Compared, bins: np.ndarray) -> Floats:
+    """Covariance (3, 3) [deg^2] of the rotation of an alignment, from the errors it leaves."""
+    arm = at.estimate.p - at.estimate.p.mean(axis=0)
+    inertia = np.sum(arm * arm) * np.eye(3) - arm.T @ arm
+    scores = np.cross(arm, at.translation())
+    sums: Floats = np.stack([np.bincount(bins, column) for column in scores.T], 1).astype(float)
+    covariance, _ = block_covariance(np.linalg.inv(inertia), sums)
+    return np.degrees(np.degrees(covariance))
 
 
 def moved_x(x: Transform, dx: Floats) -> Transform:
@@ -103,7 +137,9 @@ def intervals(
             for place, covariance in zip(places, covariances, strict=True):
                 if place not in drawn:
                     drawn[place] = _draws(covariance, count, rng)
-            return [model.errors(drawn[place]) for model, place in zip(own, places, strict=True)]
+            return [
+                model.drawn(drawn[place], rng) for model, place in zip(own, places, strict=True)
+            ]
 
         for statistic in STATISTICS:
             found[*key, statistic] = bootstrap(
@@ -131,15 +167,16 @@ def error_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
 
 def _model(error: Floats, derivative: Floats, bins: np.ndarray) -> ErrorModel:
     """Of error vectors (n, 3), their derivatives (n, 3, 6) by X, and the bin of each (n,)."""
-    count = np.bincount(bins)
-
-    def binned(values: Floats) -> Floats:
-        flat = values.reshape(len(values), -1)
-        sums = np.stack([np.bincount(bins, column) for column in flat.T], axis=1)
-        return (sums / count[:, None]).reshape(len(count), *values.shape[1:])
-
     return ErrorModel(
-        constant=binned(np.einsum("ni,ni->n", error, error)),
-        linear=binned(2.0 * np.einsum("ni,nij->nj", error, derivative)),
-        quadratic=binned(np.einsum("nij,nik->njk", derivative, derivative)),
+        constant=_binned(np.einsum("ni,ni->n", error, error), bins),
+        linear=_binned(2.0 * np.einsum("ni,nij->nj", error, derivative), bins),
+        quadratic=_binned(np.einsum("nij,nik->njk", derivative, derivative), bins),
     )
+
+
+def _binned(values: Floats, bins: np.ndarray) -> Floats:
+    """Means (b, ...) of values (n, ...) over their bins (n,)."""
+    count = np.bincount(bins)
+    flat = values.reshape(len(values), -1)
+    sums = np.stack([np.bincount(bins, column) for column in flat.T], axis=1)
+    return (sums / count[:, None]).reshape(len(count), *values.shape[1:])

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Session
+from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Session, Tracking
+from vrbench.devices.simulated.answers import Answers
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
-from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
-from vrbench.streams import GOOD, Columns, Flag, Samples
+from vrbench.geometry import (
+    Floats,
+    Ints,
+    Transform,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+    quat_to_rotvec,
+    rotvec_to_quat,
+)
+from vrbench.streams import GOOD, Columns, Event, Flag, Samples
 from vrbench.trajectory import NS
 
 # From base axes (z up) to a world as runtimes have it (y up).
 Y_UP = Transform.of((0.0, 0.0, 0.0), (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+# Over which accelerations are taken: more than a step of the planned motion.
+BASELINE_NS = 20_000_000
 
 
 class Options(BaseModel):
@@ -26,9 +39,26 @@ class Options(BaseModel):
 
     clock_offset_s: float | None = Field(None, description="its clock minus the host's [s]")
     clock_skew_ppm: float = Field(0.0, description="how much its clock gains [ppm]")
+    clock_exchanges: bool = Field(
+        False, description="answers pings; pose times are then on the host's clock"
+    )
     mount_error_m: float = Field(0.004, ge=0.0, description="rms of X about nominal, each axis [m]")
     mount_error_rad: float = Field(0.01, ge=0.0, description="the same, rotation [rad]")
     receive_delay_s: float = Field(0.008, ge=0.0, description="from sample to arrival [s]")
+    recentre_s: tuple[float, ...] = Field(
+        (), description="when the user recentres, after the start of each take [s]"
+    )
+    tracking: dict[str, float] = Field(
+        default_factory=dict, description="numbers that replace those of the profile's tracking"
+    )
+
+    @field_validator("tracking")
+    @classmethod
+    def _known(cls, value: dict[str, float]) -> dict[str, float]:
+        known = {f.name for f in fields(Tracking)} - {"source"}
+        if unknown := sorted(set(value) - known):
+            raise ValueError(f"no {', '.join(unknown)}; there are {', '.join(sorted(known))}")
+        return value
 
 
 class SimulatedHeadset:
@@ -36,6 +66,8 @@ class SimulatedHeadset:
 
     def __init__(self, options: Options, profile: HeadsetProfile, session: Session) -> None:
         self._options, self._profile, self._session = options, profile, session
+        replaced: dict[str, Any] = dict(options.tracking)
+        self._tracking = replace(profile.tracking, **replaced)
         self._stage: Stage = session.stage
         rng = rng_of(session.seed, "sitting")
         drawn = rng.uniform(-0.5, 0.5)
@@ -56,37 +88,46 @@ class SimulatedHeadset:
 
     def start(self, take: str) -> None:
         """The app starts: a new world, upright, anywhere."""
-        tracking, seed = self._profile.tracking, self._session.seed
+        tracking, seed = self._tracking, self._session.seed
         self._x = self._session.mounting @ self._slip()
+        self._recentres = np.sort(np.array(self._options.recentre_s, dtype=np.float64))
         rng = rng_of(seed, "world", take)
-        yaw = rotvec_to_quat(np.array([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
-        self._world_base = Transform(rng.normal(0.0, 0.5, 3), yaw) @ Y_UP
+        self._worlds = [_world(rng) for _ in range(len(self._recentres) + 1)]
+        rng = rng_of(seed, "drift", take)
+        way = rng.normal(size=3)
+        self._drift = way / np.linalg.norm(way) * tracking.drift_m_per_min / 60.0
+        self._turn = rng.choice((-1.0, 1.0)) * tracking.drift_rad_per_min / 60.0
         self._started = self._session.host.now()
-        self._next = 0
+        self._next, self._told = 0, 0
         self._white = rng_of(seed, "white", take)
-        self._slow_p = correlated(
-            rng_of(seed, "slow position", take),
-            tracking.position_noise_m,
-            tracking.correlation_s,
-            3,
-        )
-        self._slow_r = correlated(
-            rng_of(seed, "slow rotation", take),
-            tracking.rotation_noise_rad,
-            tracking.correlation_s,
-            3,
+        self._slow_p, self._slow_r = (
+            correlated(rng_of(seed, name, take), rms, tracking.correlation_s, 3)
+            for name, rms in (
+                ("slow position", tracking.position_noise_m),
+                ("slow rotation", tracking.rotation_noise_rad),
+            )
         )
         self._lost = losses(rng_of(seed, "losses", take), tracking.lost_per_minute, tracking.lost_s)
+        self._answers = None
+        if self._options.clock_exchanges:
+            self._answers = Answers(rng_of(seed, "answers", take), self._started, self._device_time)
+        base_worlds = [as_json(world.inverse()) for world in self._worlds]
         self._stage.truth["headset"] = {
             "tcp_eye": as_json(self._x),
-            "base_world": as_json(self._world_base.inverse()),
+            "base_world": base_worlds[0],
+            "base_worlds": base_worlds,
+            "recentre_s": self._recentres.tolist(),
             "clock_offset_s": self._offset_s,
             "clock_skew_ppm": self._options.clock_skew_ppm,
             "clock_epoch_ns": self._started,
+            "prediction_s": tracking.prediction_s,
+            "scale_error": tracking.scale_error,
+            "drift_m_per_s": self._drift.tolist(),
+            "drift_yaw_rad_per_s": float(self._turn),
         }
 
     def read(self) -> Columns:
-        tracking, rate = self._profile.tracking, self._profile.rate_hz
+        tracking, rate = self._tracking, self._profile.rate_hz
         elapsed = (self._session.host.now() - self._started) / NS
         index = np.arange(self._next, max(self._next, int(elapsed * rate)))
         self._next += len(index)
@@ -95,19 +136,24 @@ class SimulatedHeadset:
         late = np.clip(white[:, 6] * tracking.interval_jitter_s, -0.4 / rate, 0.4 / rate)
         since = (index + 0.5) / rate + late
         t = self._started + np.rint(since * NS).astype(np.int64)
-        pose = self._erring(self._world_base @ self._stage.tcp(t) @ self._x, since, white)
+        epoch = np.searchsorted(self._recentres, since, side="right")
+        pose = self._erring(self._seen(t, since, epoch), since, white)
         lost = self._lost(since)
         flags = np.where(lost, GOOD & ~int(Flag.POSITION_TRACKED), GOOD).astype(np.uint32)
-        stamped = t + np.rint(self._clock_error_ns(since)).astype(np.int64)
+        stamped, clocks = self._device_time(t), {}
+        pose_t = stamped
+        if self._answers is not None:
+            clocks["headset"] = self._answers.until(self._session.host.now())
+            pose_t = self._answers.clock().to_reference(stamped)
         samples = Samples(
             source_t=stamped,
-            pose_t=stamped,
+            pose_t=pose_t,
             receive_t=t + round(self._options.receive_delay_s * NS),
             pose=pose,
             flags=flags,
-            epoch=np.zeros(len(t), dtype=np.uint32),
+            epoch=epoch.astype(np.uint32),
         )
-        return Columns({"headset/eye": samples})
+        return Columns({"headset/eye": samples}, events=self._recentred(elapsed), clocks=clocks)
 
     def stop(self) -> None:
         pass
@@ -120,14 +166,65 @@ class SimulatedHeadset:
             rotvec_to_quat(rng.normal(0.0, self._options.mount_error_rad, 3)),
         )
 
+    def _seen(self, t: Ints, since: Floats, epoch: Ints) -> Transform:
+        """`T_world_eye` (n,) as predicted, in worlds that drift and are too large or small."""
+        worlds = Transform(
+            np.array([world.p for world in self._worlds])[epoch],
+            np.array([world.q for world in self._worlds])[epoch],
+        )
+        pose = worlds @ self._predicted(t)
+        tracking = self._tracking
+        # the world turns about where the eye is when the app starts
+        start = self._stage.tcp(np.array([self._started])) @ self._x
+        pivot = (worlds @ Transform(start.p[0], start.q[0])).p
+        turn = rotvec_to_quat(since[:, None] * np.array([0.0, self._turn, 0.0]))
+        p = pivot + quat_rotate(turn, pose.p - pivot) + since[:, None] * self._drift
+        return Transform(p * (1.0 + tracking.scale_error), quat_multiply(turn, pose.q))
+
+    def _predicted(self, t: Ints) -> Transform:
+        """`T_base_eye` (n,) that it tells at host times t (n,): of a moment later, less what a
+        prediction with constant velocities misses by then, half the acceleration times lead^2.
+        """
+        lead = self._tracking.prediction_s
+        ahead = t + round(lead * NS)
+        pose = self._stage.tcp(ahead) @ self._x
+        if not lead:
+            return pose
+        before, after = (
+            self._stage.tcp(ahead + side) @ self._x for side in (-BASELINE_NS, BASELINE_NS)
+        )
+        missed = -0.5 * (lead * NS / BASELINE_NS) ** 2
+        back = quat_conjugate(pose.q)
+        turned = quat_to_rotvec(quat_multiply(back, before.q))
+        turned += quat_to_rotvec(quat_multiply(back, after.q))
+        return Transform(
+            pose.p + missed * (before.p + after.p - 2.0 * pose.p),
+            quat_multiply(pose.q, rotvec_to_quat(missed * turned)),
+        )
+
     def _erring(self, pose: Transform, since: Floats, white: Floats) -> Transform:
-        tracking = self._profile.tracking
+        tracking = self._tracking
         p = self._slow_p(since) + white[:, :3] * tracking.position_jitter_m
         r = self._slow_r(since) + white[:, 3:6] * tracking.rotation_jitter_rad
         return Transform(pose.p + p, quat_multiply(pose.q, rotvec_to_quat(r)))
 
-    def _clock_error_ns(self, since: Floats) -> Floats:
-        return (self._offset_s + self._options.clock_skew_ppm * 1e-6 * since) * NS
+    def _device_time(self, t: Ints) -> Ints:
+        """Its own clock (n,) [ns] at host times t (n,) [ns]."""
+        gained = self._options.clock_skew_ppm * 1e-6 * ((t - self._started) / NS)
+        return t + np.rint((self._offset_s + gained) * NS).astype(np.int64)
+
+    def _recentred(self, elapsed: float) -> list[Event]:
+        """The recentres since the last look, at times of the host's clock."""
+        new = self._recentres[self._told :]
+        new = new[new <= elapsed]
+        self._told += len(new)
+        return [Event(self._started + round(s * NS), "recentre") for s in new.tolist()]
+
+
+def _world(rng: np.random.Generator) -> Transform:
+    """`T_world_base` of a new world."""
+    yaw = rotvec_to_quat(np.array([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
+    return Transform(rng.normal(0.0, 0.5, 3), yaw) @ Y_UP
 
 
 HEADSET = HeadsetSpec(

@@ -17,13 +17,13 @@ def test_the_entry_point_names_the_package():
     assert project["name"] == "vrbench-quest"
 
 
-def test_the_hooks_give_three_headsets_and_one_importer():
+def test_the_hooks_give_models_a_route_and_two_importers():
     manager = pluggy.PluginManager("vrbench")
     manager.register(vrbench_quest, "quest")
     (headsets,) = manager.hook.vrbench_headsets()
     (importers,) = manager.hook.vrbench_importers()
-    assert [x.name for x in headsets] == ["quest-2", "quest-pro", "quest-3"]
-    assert [x.name for x in importers] == ["quest-unity-csv"]
+    assert [x.name for x in headsets] == ["quest-2", "quest-pro", "quest-3", "quest-3s", "quest"]
+    assert [x.name for x in importers] == ["quest-unity-csv", "quest-vrbench-csv"]
 
 
 def test_the_plugin_is_listed_without_loading_numpy():

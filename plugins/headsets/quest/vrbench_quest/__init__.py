@@ -1,4 +1,4 @@
-"""Quest headsets for vrbench: profiles of three models, and the importer of their Unity log.
+"""Quest headsets for vrbench: profiles, the live route of the Unity logger, importers of logs.
 
 Only the hooks stand here; what they return is imported when they are called, so that listing
 plugins stays quick.
@@ -18,15 +18,16 @@ if TYPE_CHECKING:
 
 @hookimpl
 def vrbench_headsets() -> Sequence[HeadsetSpec]:
-    """Quest 2, Quest Pro, Quest 3."""
+    """Quest 2, Quest Pro, Quest 3, Quest 3S; the route `quest`."""
     from vrbench_quest.profiles import HEADSETS
+    from vrbench_quest.route import HEADSET
 
-    return HEADSETS
+    return [*HEADSETS, HEADSET]
 
 
 @hookimpl
 def vrbench_importers() -> Sequence[Importer]:
-    """The format `quest-unity-csv`."""
-    from vrbench_quest.unity_log import IMPORTER
+    """The formats `quest-unity-csv` and `quest-vrbench-csv`."""
+    from vrbench_quest import unity_log, vrbench_log
 
-    return [IMPORTER]
+    return [unity_log.IMPORTER, vrbench_log.IMPORTER]

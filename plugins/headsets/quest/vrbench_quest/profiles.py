@@ -57,6 +57,15 @@ QUEST_3 = Tracking(
     source="made up: halfway between the Quest 2 and the Quest Pro; no recordings at hand",
 )
 
+QUEST_3S = Tracking(
+    position_noise_m=0.0013,
+    rotation_noise_rad=0.0015,
+    position_jitter_m=0.000004,
+    rotation_jitter_rad=0.00005,
+    interval_jitter_s=0.0002,
+    source="made up: between the Quest 3 and the Quest 2; no recordings at hand",
+)
+
 HEADSETS = (
     HeadsetSpec(
         name="quest-2",
@@ -77,6 +86,13 @@ HEADSETS = (
         title="Meta Quest 3",
         profile=HeadsetProfile(
             rate_hz=RATE_HZ, cameras=CORNERS, clock=CLOCK, occlusion=OCCLUSION, tracking=QUEST_3
+        ),
+    ),
+    HeadsetSpec(
+        name="quest-3s",
+        title="Meta Quest 3S",
+        profile=HeadsetProfile(
+            rate_hz=RATE_HZ, cameras=CORNERS, clock=CLOCK, occlusion=OCCLUSION, tracking=QUEST_3S
         ),
     ),
 )

@@ -1,0 +1,238 @@
+"""A page without a browser: what a headset would send, from a process of its own.
+
+    python -m vrbench_webxr.emulator http://localhost:8765/TOKEN/
+
+For trying a rig without a headset, and for tests, which set its clock and its poses at will.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import secrets
+import ssl
+import struct
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from vrbench.geometry import Floats, rotvec_to_quat
+from vrbench_webxr import protocol
+
+TRACKED = 15.0
+
+
+class FakePage:
+    """Speaks the protocol as the page does: it sends what it holds when it is pinged.
+
+    Attributes:
+        shift_ms: added to its clock; setting it makes the clock jump [ms].
+        answers: whether it answers pings; a headset asleep doesn't.
+        closed: the code and reason the recorder closed with; None while it is open.
+        heard: messages of the recorder other than pings.
+    """
+
+    def __init__(self, url: str, *, page: str | None = None, **connecting: Any) -> None:
+        self.page = page or secrets.token_hex(16)
+        self.url = url
+        self.shift_ms = 0.0
+        self.answers = True
+        self.closed: tuple[int, str] | None = None
+        self.heard: list[dict[str, Any]] = []
+        self.next = 0
+        self._first = 0
+        self._held: list[Floats] = []
+        self._events: list[dict[str, Any]] = []
+        self._event_id = 0
+        self._connecting = connecting
+        self._lock = threading.Lock()
+        self._stack = contextlib.ExitStack()
+        self._socket: Any = None
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.disconnect()
+
+    def now_ms(self) -> float:
+        """The time on its clock [ms]."""
+        return time.perf_counter() * 1000.0 + self.shift_ms
+
+    def connect(self, **hello: Any) -> None:
+        """Connects and introduces itself; again with what it still holds."""
+        from websockets.sync.client import connect
+
+        address = self.url.replace("http", "ws", 1) + "ws"
+        self.closed = None
+        self._stack = contextlib.ExitStack()
+        self._socket = self._stack.enter_context(
+            connect(address, compression=None, proxy=None, **self._connecting)
+        )
+        self.say(
+            {
+                "type": "hello",
+                "protocol": protocol.VERSION,
+                "page": self.page,
+                "origin_ms": 1_700_000_000_000.0,
+                "client": "emulator",
+                "agent": "vrbench emulator",
+                "isolated": True,
+                "webxr": True,
+                **hello,
+            }
+        )
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def disconnect(self) -> None:
+        """Closes the connection; what is held stays."""
+        self._stack.close()
+        if self._thread is not None:
+            self._thread.join()
+
+    def say(self, message: dict[str, Any]) -> None:
+        """Sends a text message."""
+        self._socket.send(json.dumps(message))
+
+    def send_raw(self, data: bytes | str) -> None:
+        """Sends anything."""
+        self._socket.send(data)
+
+    def begin_session(self, rate_hz: float = 90.0) -> None:
+        """Says that a session runs."""
+        self.tell("session-start", epoch=0)
+        self.say(
+            {
+                "type": "state",
+                "session": True,
+                "mode": "immersive-vr",
+                "space": "local",
+                "visibility": "visible",
+                "features": ["local", "local-floor", "viewer"],
+                "rate_hz": rate_hz,
+                "view": [-0.0315, 0, 0, 0, 0, 0, 1],
+            }
+        )
+
+    def end_session(self) -> None:
+        """Says that the session has ended."""
+        self.tell("session-end")
+        self.say({"type": "state", "session": False})
+
+    def tell(self, kind: str, **detail: Any) -> None:
+        """Holds an event, to be sent at the next ping."""
+        event = {"type": "event", "kind": kind, "now_ms": self.now_ms(), "detail": detail}
+        with self._lock:
+            self._events.append({**event, "id": self._event_id})
+            self._event_id += 1
+
+    def frame(
+        self,
+        p: Sequence[float] | Floats,
+        q: Sequence[float] | Floats,
+        *,
+        flags: float = TRACKED,
+        epoch: float = 0.0,
+        display_ms: float | None = None,
+    ) -> None:
+        """Holds a frame made now, shown `display_ms` later, to be sent at the next ping."""
+        now = self.now_ms()
+        shown = np.nan if display_ms is None else now + display_ms
+        row = np.array([now, shown, now, *p, *q, *[np.nan] * 6, flags, epoch])
+        with self._lock:
+            self._held.append(row)
+            self.next += 1
+
+    def lose_frames(self, count: int) -> None:
+        """Forgets the newest frames but not their numbers, as a full memory does."""
+        with self._lock:
+            del self._held[-count:]
+            self._flush_held()
+            self._first = self.next
+
+    def _flush_held(self) -> None:
+        if self._held:
+            self._socket.send(batch(self._first, np.array(self._held)))
+            self._first += len(self._held)
+            self._held.clear()
+
+    def _listen(self) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            for text in self._socket:
+                said = json.loads(text)
+                received = self.now_ms()
+                if said["type"] != "ping":
+                    self.heard.append(said)
+                elif self.answers:
+                    with self._lock:
+                        self._flush_held()
+                        for event in self._events:
+                            self.say(event)
+                        self._events.clear()
+                    times = {"received_ms": received, "sent_ms": self.now_ms()}
+                    self.say({"type": "pong", "id": said["id"], **times})
+        except ConnectionClosed:
+            pass
+        close = self._socket.protocol
+        self.closed = (close.close_code or 1006, close.close_reason or "")
+
+
+def batch(first: int, rows: Floats) -> bytes:
+    """A binary message of frames (n, 18)."""
+    header = struct.pack("<4d", protocol.VERSION, first, len(rows), rows.shape[1])
+    return header + np.ascontiguousarray(rows, dtype="<f8").tobytes()
+
+
+def sway(t_s: float) -> tuple[Floats, Floats]:
+    """Where a head that looks about is after t seconds: position [m], quaternion."""
+    p = np.array([0.2 * np.sin(1.1 * t_s), 1.5 + 0.05 * np.sin(1.7 * t_s), 0.1 * np.sin(0.9 * t_s)])
+    return p, rotvec_to_quat(
+        np.array([0.3 * np.sin(1.3 * t_s), 0.6 * np.sin(0.7 * t_s), 0.1 * np.sin(2.1 * t_s)])
+    )
+
+
+def play(page: FakePage, rate_hz: float, going_on: Callable[[], bool]) -> None:
+    """Makes frames at a rate while `going_on()`."""
+    begin = due = time.perf_counter()
+    while going_on() and page.closed is None:
+        page.frame(*sway(due - begin), display_ms=1000.0 / rate_hz)
+        due += 1.0 / rate_hz
+        time.sleep(max(0.0, due - time.perf_counter()))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Plays a headset to the recorder at an address, for so long."""
+    parser = argparse.ArgumentParser(prog="vrbench_webxr.emulator", description=main.__doc__)
+    parser.add_argument("url", help="the address that the recorder printed")
+    parser.add_argument("--rate", type=float, default=90.0, help="frames a second")
+    parser.add_argument("--seconds", type=float, default=float("inf"))
+    options = parser.parse_args(arguments)
+    connecting: dict[str, Any] = {}
+    if options.url.startswith("https"):
+        connecting["ssl"] = ssl._create_unverified_context()  # its own certificate
+    with FakePage(options.url, **connecting) as page:
+        page.begin_session(options.rate)
+        end = time.monotonic() + options.seconds
+        with contextlib.suppress(KeyboardInterrupt):
+            play(page, options.rate, lambda: time.monotonic() < end)
+        if page.closed is None:
+            page.end_session()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,202 @@
+"""The route `webxr`: a headset's browser as a source of poses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+from vrbench.devices.link import Link
+from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
+from vrbench.errors import DeviceError
+from vrbench.streams import Columns
+from vrbench_webxr.address import address, show, told
+from vrbench_webxr.certificate import context
+from vrbench_webxr.options import Options
+from vrbench_webxr.server import Server, new_token
+
+# How long a take waits for a headset that was there, and a take's end for its last frames.
+READY_S = 15.0
+LAST_FRAMES_S = 5.0
+LOOK_S = 0.02
+LEAST_TRACKED = 0.95
+
+
+class WebXRHeadset:
+    """One session on the headset, kept over as many takes as the suite has.
+
+    Entered, it serves the page, tells the address, and waits until the headset's session runs.
+
+    Attributes:
+        url: where the page is.
+        link: what is known of the headset.
+    """
+
+    def __init__(self, options: Options, _profile: HeadsetProfile | None, session: Session) -> None:
+        self.link = Link()
+        self.url = ""
+        self._options, self._host = options, session.host
+        self._stack = ExitStack()
+        self._server: Server | None = None
+
+    @property
+    def server(self) -> Server:
+        """What serves the page, once it is served."""
+        assert self._server is not None
+        return self._server
+
+    def __enter__(self) -> Self:
+        self.serve()
+        try:
+            self._wait(self._options.wait_s, "no session runs on the headset")
+        except BaseException:
+            self._stack.close()
+            raise
+        return self
+
+    def serve(self) -> None:
+        """Serves the page and tells where, without waiting for anybody."""
+        options = self._options
+        tls = context(options.host, options.certificate, options.key) if options.https else None
+        token = options.token or new_token()
+        self._server = self._stack.enter_context(
+            Server(
+                self.link,
+                self._host,
+                address=options.host,
+                port=options.port,
+                token=token,
+                tls=tls,
+                rate_hz=options.rate_hz,
+            )
+        )
+        self.url = address(options, self._server.port, token)
+        if not options.quiet:
+            show(told(options, self._server.port, self.url))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+
+    def start(self, take: str) -> None:
+        """Frames belong to this take from now on.
+
+        Raises:
+            DeviceError: no session runs on the headset.
+        """
+        self._wait(READY_S, f"can't record {take}: no session runs on the headset")
+        server = self._server
+        assert server is not None
+        assert server.state is not None
+        facts = server.state.model_dump(exclude={"type", "held", "session"})
+        facts["pose_time"] = "display time where the browser gives it"
+        self.link.begin(self._host.now(), facts)
+        server.set_take(take)
+
+    def mark(self, name: str) -> None:
+        """Writes a mark into the take, and shows it on the page."""
+        self.link.mark(self._host.now(), name)
+        if self._server is not None:
+            self._server.mark(name)
+
+    def read(self) -> Columns:
+        """What has arrived since the last call, and whose times are known."""
+        return self.link.take()
+
+    def stop(self) -> None:
+        """The take ends now; waits for the frames that are on their way, but not for ever."""
+        self.link.end(self._host.now())
+        if self._server is not None:
+            self._server.set_take(None)
+        self._until(lambda: self.link.complete, LAST_FRAMES_S)
+        self.link.finish(self._host.now())
+
+    @property
+    def missing(self) -> tuple[str, str] | None:
+        """What keeps the headset from being recorded, and what to do; None where nothing does."""
+        link, server = self.link, self._server
+        hello = None if server is None else server.hello
+        if server is None or hello is None or not server.connected:
+            return "no headset is connected", f"open {self.url} in its browser"
+        if not hello.webxr:
+            return f"this browser has no WebXR: {hello.reason}", f"open {self.url} on the headset"
+        if server.state is None or not server.state.session:
+            return "the headset's session isn't started", "press Start on the page"
+        if not link.synchronised:
+            return "the headset's clock isn't known yet", "wait a moment"
+        if not link.awake(self._host.now()):
+            return "no frames come", "wake the headset: put it on, or cover its proximity sensor"
+        return None
+
+    def findings(self, wait_s: float) -> Iterator[Finding]:
+        """What `vrbench rig check` tells, after waiting for a session for so long."""
+        self._until(lambda: self.missing is None, wait_s)
+        missing = self.missing
+        if missing is not None:
+            yield Finding(False, *missing)
+            return
+        server = self._server
+        assert server is not None
+        hello, state = server.hello, server.state
+        assert hello is not None
+        assert state is not None
+        rate, tracked = self.link.rate(self._host.now())
+        yield Finding(True, f"a session runs: {hello.agent or hello.client}")
+        yield Finding(True, f"granted: {', '.join(state.features) or 'local'}")
+        wanted = self._options.rate_hz or state.rate_hz
+        slow = wanted is not None and rate < 0.9 * wanted
+        said = f" of {wanted:g}" if wanted else ""
+        yield Finding(
+            not slow, f"{rate:.1f}{said} frames a second", "close what else runs on the headset"
+        )
+        yield Finding(
+            tracked >= LEAST_TRACKED,
+            f"{tracked:.0%} of frames tracked",
+            "light, and something to see for its cameras",
+        )
+        yield Finding(True, f"clock known to {self.link.bound_s * 1e3:.2f} ms")
+        yield Finding(
+            hello.isolated,
+            "the browser's clock is " + ("fine" if hello.isolated else "coarse: steps of 0.1 ms"),
+            "a newer browser",
+        )
+
+    def _wait(self, seconds: float, what: str) -> None:
+        self._until(lambda: self.missing is None, seconds)
+        missing = self.missing
+        if missing is not None:
+            raise DeviceError(f"{what}: {missing[0]}", field="headset", fix=missing[1])
+
+    def _until(self, done: Callable[[], bool], seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while not done() and time.monotonic() < end:
+            time.sleep(LOOK_S)
+
+
+def check(options: Options, session: Session) -> Iterator[Finding]:
+    """Serves the page, waits for a session, and says what the headset gives."""
+    headset = WebXRHeadset(options, None, session)
+    with headset._stack:
+        try:
+            headset.serve()
+        except DeviceError as error:
+            yield Finding(False, error.what, error.fix or "")
+            return
+        yield Finding(True, f"the page is served at {headset.url}")
+        yield from headset.findings(options.wait_s)
+
+
+HEADSET = HeadsetSpec(
+    name="webxr",
+    title="Any headset with a browser, by WebXR; nothing is installed on it",
+    options=Options,
+    open=WebXRHeadset,
+    check=check,
+    emulator="vrbench_webxr.emulator",
+)

@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+
+from vrbench.errors import ConfigError, DataError
+from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
+from vrbench.motion.files import Header, given, read_motion, resampled, write_motion
+from vrbench.motion.generators import generate
+from vrbench.trajectory import NS, Trajectory, read_tum
+
+HEAD = """# motion: seated-shooter
+# version: 2
+# up: y
+# rate_hz: 100.0
+# source: captured
+# game: Example
+# posture: seated
+# licence: CC-BY-4.0
+# consent: written, for publication
+"""
+ROWS = "0.0 0 0 0 0 0 0 1\n0.01 0 0.001 0 0 0 0 1\n0.02 0 0.003 0 0 0 0 1\n"
+S = np.arange(0, 2, 0.01)
+MOVED = Trajectory(
+    5 * NS + np.rint(S * NS).astype(np.int64),
+    Transform(
+        np.stack((S, np.sin(S), 0.1 * S), axis=1),
+        rotvec_to_quat(np.stack((0.1 * S, 0.2 * S, 0.3 + 0 * S), axis=1)),
+    ),
+)
+
+
+def header(**more):
+    fields = {"motion": "seated-shooter", "version": 2, "up": "y", "rate_hz": 100.0}
+    fields |= {"source": "captured", "licence": "CC-BY-4.0", "consent": "written"}
+    return Header(**(fields | more))
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_text(text):
+        path = tmp_path / "head.tum"
+        path.write_text(text)
+        return read_motion(path)
+
+    return read_text
+
+
+def test_a_motion_comes_back_as_it_was_written(tmp_path):
+    path = tmp_path / "head.tum"
+    written = write_motion(path, header(), MOVED)
+    assert written.name == "seated-shooter-2"
+    assert written.digest == read_motion(path).digest
+    want = MOVED.pose[0].inverse() @ MOVED.pose
+    np.testing.assert_allclose(written.trajectory.pose.p, want.p, atol=1e-12)
+    assert relative_angle(written.trajectory.pose.q, want.q).max() < 1e-7
+    assert written.trajectory.t[0] == 0
+    # any program that reads TUM reads it
+    assert len(read_tum(path)) == len(MOVED)
+    with pytest.raises(ConfigError, match="is there already"):
+        write_motion(path, header(), MOVED)
+
+
+def test_the_digest_is_of_name_version_and_movement_and_of_nothing_else(tmp_path):
+    def digest(n, trajectory=MOVED, **more):
+        return write_motion(tmp_path / f"{n}.tum", header(**more), trajectory).digest
+
+    first = digest(1)
+    assert digest(2, game="Another", licence="CC0", source="captured twice") == first
+    assert digest(3, version=3) != first
+    moved = Transform(MOVED.pose.p * 1.001, MOVED.pose.q)
+    assert digest(4, Trajectory(MOVED.t, moved)) != first
+
+
+def test_a_generated_motion_needs_no_consent_and_keeps_its_digest(tmp_path):
+    made = generate("saturate-30s-1")
+    fields = {"motion": "saturate-30s", "version": 1, "up": "y", "rate_hz": 120.0}
+    head = Header(**fields, source="generated")
+    assert write_motion(tmp_path / "s.tum", head, made.trajectory).digest == made.digest
+
+
+def test_z_up_is_turned_to_y_up(read):
+    rows = ROWS.replace("0 0.001 0", "0 0 0.001").replace("0 0.003 0", "0 0 0.003")
+    motion = read((HEAD + rows).replace("up: y", "up: z"))
+    np.testing.assert_allclose(motion.trajectory.pose.p[:, 1], [0, 0.001, 0.003])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda s: s.replace("# licence: CC-BY-4.0\n", ""), "a person's motion needs licence"),
+        (lambda s: s.replace("written, for publication", "unknown"), "needs consent"),
+        (lambda s: s.replace("version: 2", "version: two"), "version: Input should be a valid int"),
+        (lambda s: s.replace("# game", "# title"), "title: Extra inputs .*fields are motion"),
+        (lambda s: s.replace("up: y", "up: x"), "up: Input should be 'y' or 'z'"),
+        (lambda s: s.replace("# ", "# {", 1), "its header is not YAML"),
+        (lambda s: s[s.index("0.0") :], "has no header"),
+        (lambda s: s.replace("0.0 0 0 0", "0.0 0.1 0 0"), "first pose isn't the identity"),
+        (lambda s: s.replace("\n0.0 ", "\n-0.01 "), "don't begin at 0 s"),
+        (lambda s: s.replace("100.0", "120.0"), "rows have 100 Hz, its header says 120"),
+        (lambda s: s + "0.03 0 0\n", "is not TUM text"),
+    ],
+)
+def test_what_is_wrong_is_named(read, change, says):
+    with pytest.raises((ConfigError, DataError), match=rf"(?s)head\.tum: .*{says}"):
+        read(change(HEAD + ROWS))
+
+
+def test_words_that_say_nothing_are_no_licence():
+    assert given("CC-BY-4.0")
+    assert not any(map(given, (None, "", " ", "none", "Unknown", "TBD")))
+
+
+def test_resampling_keeps_the_movement_and_refuses_gaps():
+    even = resampled(MOVED, 72.0, max_gap_s=0.05)
+    assert np.diff(even.t).mean() == pytest.approx(NS / 72.0)
+    np.testing.assert_allclose(even.pose.p[:, 0], (even.t - MOVED.t[0]) / NS, atol=1e-9)
+    gap = MOVED[np.r_[0:50, 80:200]]
+    with pytest.raises(DataError, match=r"1 gaps, the first of 0\.31 s after 0\.49 s"):
+        resampled(gap, 72.0, max_gap_s=0.05)

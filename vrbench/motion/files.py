@@ -1,0 +1,198 @@
+"""Motion files: TUM rows of `T_eye0_eye` (m, s from 0) under a YAML header in comment lines.
+
+    # motion: seated-shooter
+    # version: 1
+    # up: y
+    # rate_hz: 120.0
+    # source: captured
+    # licence: CC-BY-4.0
+    # consent: written, for publication
+    0.000000000 0.0 0.0 0.0 0.0 0.0 0.0 1.0
+
+So any program that reads TUM reads the rows. A captured motion is a person's: without a licence and
+the person's consent it is refused.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import yaml
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+
+from vrbench.errors import ConfigError, DataError
+from vrbench.geometry import Transform, relative_angle
+from vrbench.motion.motion import Motion, relative_to_first
+from vrbench.trajectory import NS, Trajectory, read_tum, write_tum
+
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+NOTHING = {"none", "no", "unknown", "n/a", "-", "?", "tbd", "todo"}
+RATE_TOLERANCE = 0.02
+START_TOLERANCE = 1e-6
+
+
+class Header(BaseModel):
+    """What a motion file says of itself.
+
+    Attributes:
+        motion: its name.
+        version: of the motion: another one moves otherwise.
+        up: the axis that is up.
+        rate_hz: of its rows [Hz].
+        source: `generated`, `captured`, or how it was had.
+        game: what was played.
+        posture: seated, standing.
+        licence: under which it may be used; a person's motion needs one.
+        consent: how the person agreed to its publication; a person's motion needs it.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    motion: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    version: int = Field(ge=1)
+    up: Literal["y", "z"]
+    rate_hz: float = Field(gt=0.0)
+    source: Text
+    game: Text | None = None
+    posture: Text | None = None
+    licence: Text | None = None
+    consent: Text | None = None
+
+    @model_validator(mode="after")
+    def _permitted(self) -> Header:
+        if self.source == "generated":
+            return self
+        for name in ("licence", "consent"):
+            if not given(getattr(self, name)):
+                raise ValueError(f"a person's motion needs {name}: say what was agreed")
+        return self
+
+    @property
+    def name(self) -> str:
+        """Name and version, `seated-shooter-1`."""
+        return f"{self.motion}-{self.version}"
+
+
+def given(text: str | None) -> bool:
+    """Whether a licence or consent says anything."""
+    return text is not None and text.strip().lower() not in NOTHING | {""}
+
+
+def read_motion(path: Path) -> Motion:
+    """A motion file, y up.
+
+    Raises:
+        ConfigError: a field of the header is missing, unknown or wrong; a person's motion has no
+            licence or consent.
+        DataError: no such file, and as `vrbench.trajectory.read_tum`; the rows don't begin at 0
+            with the identity, or haven't the rate that the header says.
+    """
+    header = read_header(path)
+    rows = read_tum(path)
+    if len(rows) < 2 or rows.t[0] != 0:
+        raise DataError("its rows don't begin at 0 s, or are fewer than two", file=path)
+    first = rows.pose[0]
+    still = relative_angle(first.q, np.array([0.0, 0.0, 0.0, 1.0]))
+    if max(float(np.abs(first.p).max()), float(still)) > START_TOLERANCE:
+        raise DataError(
+            "its first pose isn't the identity", file=path, fix="poses are relative to the first"
+        )
+    rate = 1.0 / rows.period_s
+    if abs(rate / header.rate_hz - 1.0) > RATE_TOLERANCE:
+        raise DataError(
+            f"its rows have {rate:.4g} Hz, its header says {header.rate_hz:g}",
+            file=path,
+            field="rate_hz",
+        )
+    if header.up == "z":
+        rows = rows.mapped(_y_up)
+    title = ", ".join(x for x in (header.motion, header.game, header.posture) if x)
+    return Motion(header.name, title, rows, header.source)
+
+
+def read_header(path: Path) -> Header:
+    """A motion file's header alone; errors as `read_motion`."""
+    lines = []
+    try:
+        with path.open(encoding="utf-8") as file:
+            for line in file:
+                if not line.startswith("#"):
+                    break
+                lines.append(line[1:].removeprefix(" "))
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError("can't be read", file=path, fix=str(error)) from error
+    try:
+        content = yaml.safe_load("".join(lines))
+    except yaml.YAMLError as error:
+        raise ConfigError(f"its header is not YAML: {error}", file=path) from None
+    if not isinstance(content, dict):
+        raise ConfigError(
+            "has no header", file=path, fix=f"comment lines with {', '.join(Header.model_fields)}"
+        )
+    try:
+        return Header.model_validate(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigError(
+            first["msg"].removeprefix("Value error, "),
+            file=path,
+            field=".".join(map(str, first["loc"])) or None,
+            fix=f"fields are {', '.join(Header.model_fields)}",
+        ) from None
+
+
+def write_motion(path: Path, header: Header, trajectory: Trajectory) -> Motion:
+    """Writes poses, `T_world_eye` with y up, as a motion file relative to the first of them.
+
+    Returns:
+        the motion as it reads back.
+
+    Raises:
+        ConfigError: the file is there already.
+    """
+    if path.exists():
+        raise ConfigError("is there already", file=path, fix="name a file that is not")
+    rows = relative_to_first(trajectory)
+    write_tum(rows, path)
+    content = header.model_dump(exclude_none=True)
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    head = "".join(f"# {line}\n" for line in text.splitlines())
+    path.write_text(head + path.read_text(encoding="utf-8"), encoding="utf-8")
+    return read_motion(path)
+
+
+def resampled(trajectory: Trajectory, rate_hz: float, *, max_gap_s: float) -> Trajectory:
+    """The trajectory at an even rate.
+
+    Raises:
+        DataError: a gap is longer than `max_gap_s`; says where.
+    """
+    steps = np.diff(trajectory.t) / NS
+    wide = np.flatnonzero(steps > max_gap_s)
+    if len(wide):
+        at = (trajectory.t[wide[0]] - trajectory.t[0]) / NS
+        raise DataError(
+            f"{len(wide)} gaps, the first of {steps[wide[0]]:.2f} s after {at:.2f} s",
+            fix=f"choose a part without gaps over {max_gap_s:g} s",
+        )
+    count = int((trajectory.t[-1] - trajectory.t[0]) / NS * rate_hz) + 1
+    t = trajectory.t[0] + np.rint(np.arange(count) / rate_hz * NS).astype(np.int64)
+    t = t[t <= trajectory.t[-1]]
+    return Trajectory(t, trajectory.at(t))
+
+
+def _y_up(pose: Transform) -> Transform:
+    p, q = pose.p, pose.q
+    return Transform(
+        np.stack((p[..., 0], p[..., 2], -p[..., 1]), axis=-1),
+        np.stack((q[..., 0], q[..., 2], -q[..., 1], q[..., 3]), axis=-1),
+    )

@@ -1,0 +1,19 @@
+"""Which protocols there are: the `PROTOCOL` of each module here that has one."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from vrbench import protocols
+from vrbench.protocols.protocol import Protocol
+
+
+def builtin_protocols() -> list[Protocol]:
+    """The protocols of `vrbench.protocols`, by name."""
+    modules = (
+        importlib.import_module(f"{protocols.__name__}.{info.name}")
+        for info in pkgutil.iter_modules(protocols.__path__)
+    )
+    found = [module.PROTOCOL for module in modules if hasattr(module, "PROTOCOL")]
+    return sorted(found, key=lambda protocol: protocol.name)
