@@ -22,7 +22,7 @@ from vrbench.plugin.manager import Plugins
 from vrbench.trajectory import write_tum
 
 HERE = Path(__file__).parents[1]
-START = {"p_m": [0.3458, 0.0895, 0.8929], "yaw_deg": 112.22}
+START = {"p_m": [0.5754, 0.0082, 0.8157], "yaw_deg": -85.53}
 RIG = {
     "lab": "example",
     "headset": {"plugin": "sim", "device": "quest-2"},

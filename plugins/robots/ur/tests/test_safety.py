@@ -235,11 +235,12 @@ def test_a_connection_that_breaks_keeps_what_was_recorded(ready, emulator, sessi
 
 MOVER = """
 import sys
+from vrbench.devices.host import RealClock
 from vrbench.devices.permit import Permit
 from vrbench.devices.ports import Session
 from vrbench_ur.arms import UR5E
 from vrbench_ur.robot import UrRobot
-from vrbench_ur.testing import MOUNTING, RealClock, nod, options
+from vrbench_ur.testing import MOUNTING, nod, options
 
 session = Session(RealClock(), MOUNTING, 1, permit=Permit())
 robot = UrRobot(UR5E, options(sys.argv[1]), session)

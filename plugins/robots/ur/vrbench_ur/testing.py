@@ -120,16 +120,6 @@ class Emulator:
         self.process.stdout.close()
 
 
-class RealClock:
-    """The host's clock."""
-
-    def now(self) -> int:
-        return time.time_ns()
-
-    def wait(self, seconds: float) -> None:
-        time.sleep(seconds)
-
-
 def options(host: str = "127.0.0.1", **changes: Any) -> Options:
     """A rig that bears with a loaded machine: nothing in a test moves that could be hurt."""
     told: dict[str, Any] = {
