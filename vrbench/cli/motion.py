@@ -38,7 +38,6 @@ def _load(name: str) -> Motion:
     return generate(name)
 
 
-
 command.add_command(extract)
 
 
