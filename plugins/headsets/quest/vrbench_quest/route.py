@@ -81,7 +81,7 @@ class Options(BaseModel):
 class QuestLogger:
     """The logger's app on one headset, kept over as many takes as the suite has.
 
-    Entered, it starts the app where a cable is there, and waits for its greeting.
+    Entered, it listens and starts the app where a cable is there; the first take waits for it.
 
     Attributes:
         link: its poses and its clock.
@@ -111,14 +111,13 @@ class QuestLogger:
             if self._adb is not None:
                 self._adb.device()
                 self._start_app(self._adb)
-            self._wait(self._options.wait_s, "the logger isn't heard")
         except BaseException:
             self._stack.close()
             raise
         return self
 
     def listen(self) -> None:
-        """Listens, and tells what the app has to be told, without waiting for it."""
+        """Listens, and tells what the app has to be told."""
         options = self._options
         self._receiver = self._stack.enter_context(
             Receiver(
@@ -150,7 +149,10 @@ class QuestLogger:
         Raises:
             DeviceError: it isn't heard, or doesn't answer.
         """
-        self._wait(ANSWER_S, f"can't record {take}: the logger isn't heard")
+        self._until(lambda: self.missing is None, ANSWER_S if self._take else self._options.wait_s)
+        missing = self.missing
+        if missing is not None:
+            raise DeviceError(f"can't record {take}: {missing[0]}", field="headset", fix=missing[1])
         facts = dict(state_of(self._adb)) if self._adb is not None else {}
         facts["pose_time"] = "when it was sampled; its prediction is the runtime's"
         self.link.begin(self._host.now(), {**facts, "moment": self._options.moment})
@@ -219,12 +221,6 @@ class QuestLogger:
         ):
             words += ["-e", name, value]
         adb.shell(*words)
-
-    def _wait(self, seconds: float, what: str) -> None:
-        self._until(lambda: self.missing is None, seconds)
-        missing = self.missing
-        if missing is not None:
-            raise DeviceError(f"{what}: {missing[0]}", field="headset", fix=missing[1])
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
         end = time.monotonic() + seconds

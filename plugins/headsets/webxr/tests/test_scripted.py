@@ -22,6 +22,8 @@ from vrbench.errors import DeviceError
 from vrbench.recording.recorder import record_take
 from vrbench.recording.take import read_take
 
+# A take's borders are as sharp as the clock is known, and a busy machine answers late.
+MARGIN_S = 0.06
 STILL = ((0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0))
 
 
@@ -30,11 +32,11 @@ def events_of(columns, kind):
 
 
 def frames(page, count, *, every_s=0.002, **facts):
-    time.sleep(0.005)  # a take's borders are as sharp as the clock is known
+    time.sleep(MARGIN_S)
     for _ in range(count):
         page.frame(*STILL, **facts)
         time.sleep(every_s)
-    time.sleep(0.005)
+    time.sleep(MARGIN_S)
 
 
 def websocket(headset):
@@ -226,12 +228,14 @@ def test_any_message_is_understood_or_refused(data):
 
 def test_poses_times_and_flags_arrive_as_they_were_sent(headset, page):
     headset.start("take")
+    time.sleep(MARGIN_S)
     sent = []
     for k in range(40):
         p, q = sway(0.1 * k)
         page.frame(p, q, display_ms=25.0)
         sent.append((p, q))
         time.sleep(0.005)
+    time.sleep(MARGIN_S)
     headset.stop()
     columns = headset.read()
     samples = columns.poses["headset/eye"]
@@ -271,10 +275,10 @@ def test_frames_before_and_after_a_take_do_not_belong_to_it(headset, page):
 )
 def test_what_is_no_pose_is_never_a_good_one(headset, page, p, q, flags):
     headset.start("take")
-    time.sleep(0.01)  # a take's borders are as sharp as the clock is known
+    time.sleep(MARGIN_S)
     page.frame(p, q)
     page.frame(*STILL)
-    time.sleep(0.01)
+    time.sleep(MARGIN_S)
     headset.stop()
     samples = headset.read().poses["headset/eye"]
     assert samples.flags.tolist() == [flags, 15]
@@ -355,9 +359,7 @@ def test_a_page_loaded_anew_has_a_new_world(headset, page, wait_for):
         fresh.begin_session()
         fresh.frame(*STILL)
         wait_for(lambda: headset.link.synchronised)
-        time.sleep(0.01)
         frames(fresh, 10)
-        time.sleep(0.01)
         headset.stop()
     columns = headset.read()
     samples = columns.poses["headset/eye"]
@@ -395,9 +397,10 @@ def test_a_connection_that_never_comes_back_leaves_what_was_sure(headset, page):
     assert np.all(np.diff(samples.good.astype(int)) <= 0)
 
 
-@pytest.mark.parametrize("jump_ms", [-2000.0, -30.0, 500.0, 3_600_000.0])
+@pytest.mark.parametrize("jump_ms", [-2000.0, -100.0, 500.0, 3_600_000.0])
 def test_a_clock_that_jumps_is_told_and_no_pose_gets_a_wrong_time(headset, page, wait_for, jump_ms):
     headset.start("take")
+    time.sleep(MARGIN_S)
     truth = []
 
     def go(seconds):
@@ -410,11 +413,12 @@ def test_a_clock_that_jumps_is_told_and_no_pose_gets_a_wrong_time(headset, page,
     go(0.8)
     page.shift_ms += jump_ms
     go(1.4)
+    time.sleep(MARGIN_S)
     headset.stop()
     columns = headset.read()
     samples = columns.poses["headset/eye"]
     assert len(samples) == len(truth)
-    wrong = np.abs(samples.pose_t - np.array(truth)) > 10_000_000
+    wrong = np.abs(samples.pose_t - np.array(truth)) > 30_000_000
     assert not np.any(wrong & samples.good)
     assert samples.good[:100].all()
     assert samples.good[-50:].all()
@@ -462,13 +466,27 @@ def test_a_headset_that_stays_silent_is_let_go(headset, page, wait_for, monkeypa
 # The route.
 
 
-def test_a_take_needs_a_session(headset, monkeypatch):
-    monkeypatch.setattr("vrbench_webxr.route.READY_S", 0.1)
-    with pytest.raises(DeviceError, match=r"no headset is connected.*open http://localhost"):
+def test_a_take_needs_a_headset(serving):
+    says = r"no headset is connected.*open http://localhost"
+    with serving(wait_s=0.1) as headset, pytest.raises(DeviceError, match=says):
         headset.start("take")
-    with FakePage(headset.url), pytest.raises(DeviceError, match="press Start on the page"):
-        monkeypatch.setattr("vrbench_webxr.route.READY_S", 0.5)
+
+
+def test_a_take_needs_a_session(serving, wait_for):
+    with serving(wait_s=0.1) as headset, FakePage(headset.url):
+        wait_for(lambda: headset.server.connected)
+        with pytest.raises(DeviceError, match="press Start on the page"):
+            headset.start("take")
+
+
+def test_the_first_take_waits_for_somebody_to_press_start(headset):
+    with FakePage(headset.url) as page:
+        press = threading.Timer(0.4, lambda: (page.begin_session(), page.frame(*STILL)))
+        press.start()
         headset.start("take")
+        frames(page, 5)
+        headset.stop()
+    assert headset.read().poses["headset/eye"].good.sum() == 5
 
 
 def test_a_port_in_use_is_named(headset, serving):

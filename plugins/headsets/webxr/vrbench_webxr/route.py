@@ -21,13 +21,15 @@ from vrbench_webxr.server import Server, new_token
 READY_S = 15.0
 LAST_FRAMES_S = 5.0
 LOOK_S = 0.02
+# How long `rig check` watches the frames.
+WATCH_S = 2.0
 LEAST_TRACKED = 0.95
 
 
 class WebXRHeadset:
     """One session on the headset, kept over as many takes as the suite has.
 
-    Entered, it serves the page, tells the address, and waits until the headset's session runs.
+    Entered, it serves the page and tells the address; the first take waits until a session runs.
 
     Attributes:
         url: where the page is.
@@ -39,6 +41,7 @@ class WebXRHeadset:
         self.url = ""
         self._options, self._host = options, session.host
         self._stack = ExitStack()
+        self._started = False
         self._server: Server | None = None
 
     @property
@@ -49,15 +52,10 @@ class WebXRHeadset:
 
     def __enter__(self) -> Self:
         self.serve()
-        try:
-            self._wait(self._options.wait_s, "no session runs on the headset")
-        except BaseException:
-            self._stack.close()
-            raise
         return self
 
     def serve(self) -> None:
-        """Serves the page and tells where, without waiting for anybody."""
+        """Serves the page and tells where."""
         options = self._options
         tls = context(options.host, options.certificate, options.key) if options.https else None
         token = options.token or new_token()
@@ -87,12 +85,19 @@ class WebXRHeadset:
     def start(self, take: str) -> None:
         """Frames belong to this take from now on.
 
+        The first take waits `wait_s` for a session: somebody has to put the headset on and press
+        Start. Later ones wait for one that was there, and not for long.
+
         Raises:
             DeviceError: no session runs on the headset.
         """
-        self._wait(READY_S, f"can't record {take}: no session runs on the headset")
-        server = self._server
-        assert server is not None
+        patience = READY_S if self._started else self._options.wait_s
+        self._until(lambda: self.missing is None, patience)
+        missing = self.missing
+        if missing is not None:
+            raise DeviceError(f"can't record {take}: {missing[0]}", field="headset", fix=missing[1])
+        self._started = True
+        server = self.server
         assert server.state is not None
         facts = server.state.model_dump(exclude={"type", "held", "session"})
         facts["pose_time"] = "display time where the browser gives it"
@@ -141,8 +146,8 @@ class WebXRHeadset:
         if missing is not None:
             yield Finding(False, *missing)
             return
-        server = self._server
-        assert server is not None
+        time.sleep(WATCH_S)
+        server = self.server
         hello, state = server.hello, server.state
         assert hello is not None
         assert state is not None
@@ -166,12 +171,6 @@ class WebXRHeadset:
             "the browser's clock is " + ("fine" if hello.isolated else "coarse: steps of 0.1 ms"),
             "a newer browser",
         )
-
-    def _wait(self, seconds: float, what: str) -> None:
-        self._until(lambda: self.missing is None, seconds)
-        missing = self.missing
-        if missing is not None:
-            raise DeviceError(f"{what}: {missing[0]}", field="headset", fix=missing[1])
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
         end = time.monotonic() + seconds

@@ -326,15 +326,14 @@ function show() {
   byId("hint").textContent = hint;
   byId("link").dataset.open = String(isOpen());
   byId("link-text").textContent = isOpen() ? "recorder connected" : "no recorder";
-  byId("start").disabled = !support.works || xr.session !== null;
+  byId("start").disabled = !support.works || xr.session !== null || refused !== "";
   byId("start").hidden = xr.session !== null;
   byId("end").hidden = xr.session === null;
   byId("rate").textContent = recent.rate === null ? "–" : recent.rate.toFixed(1);
   byId("tracked").textContent = recent.part === null ? "–" : Math.floor(100 * recent.part);
   byId("sent").textContent = grouped(frames.first - frames.dropped);
   byId("held").textContent = grouped(frames.next - frames.first) + (frames.dropped ? `, ${frames.dropped} lost` : "");
-  byId("session").textContent = xr.session ? `immersive-vr, ${xr.visibility}` : "none";
-  byId("space").textContent = xr.session ? "local" : "–";
+  byId("session").textContent = xr.session ? `immersive-vr, local, ${xr.visibility}` : "none";
   byId("granted").textContent = xr.session ? xr.features.join(" ") : "–";
   byId("position").textContent = xr.last
     ? [xr.last.x, xr.last.y, xr.last.z].map((x) => x.toFixed(3)).join("  ") + " m" : "–";
