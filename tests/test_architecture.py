@@ -22,7 +22,8 @@ ORDER = (
     *("devices", "recording"),
     "plugin",
     "results",
-    *("permission", "runner", "importing", "scoring", "variants", "evaluation", "extraction"),
+    *("permission", "runner", "capture", "importing", "scoring", "variants", "evaluation"),
+    "extraction",
     "cli",
     "__main__",
 )

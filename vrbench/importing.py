@@ -181,7 +181,9 @@ def _import_take(
         "logger": recordings.device.logger,
         "prediction": recordings.device.prediction,
     }
-    begin = int(poses[TAKE_STREAMS["headset"]].receive_t[0])
+    # a person's capture may have no headset
+    headset = TAKE_STREAMS["headset"]
+    begin = int(poses[headset if headset in poses else next(iter(poses))].receive_t[0])
     events = [Event(begin, "repair", {"what": repair}) for repair in repairs]
     take_path = bundle.take_path(_name_of(take))
     with TakeWriter(take_path, metadata) as writer:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.conftest import recorded
+from vrbench.clocks import Exchanges, fit_exchanges
 from vrbench.config.suite import Suite
 from vrbench.devices.ports import HeadsetProfile, Session, Tracking
 from vrbench.devices.simulated import headset, robot
@@ -159,3 +161,114 @@ def test_takes_hold_what_the_devices_sent(run: Path) -> None:
     assert set(columns.poses) == {"headset/eye", "robot/tcp", "robot/target"}
     assert [event.detail["name"] for event in columns.events] == ["move", "rest"]
     assert columns.metadata["motion"] == "saturate-30s-1"
+
+
+def exact(**errors: float) -> HeadsetProfile:
+    """A headset without noise, with these errors."""
+    return HeadsetProfile(72.0, tracking=replace(STILL, **errors))
+
+
+def in_base(stage: Stage, head: Samples, world: int = 0) -> Transform:
+    """`T_base_eye` as the headset has it, in its world-th world."""
+    true = stage.truth["headset"]["base_worlds"][world]
+    return Transform.of(true["p_m"], true["q_xyzw"]) @ head.pose
+
+
+def true_eye(stage: Stage, host: np.ndarray) -> Transform:
+    true = stage.truth["headset"]["tcp_eye"]
+    return stage.tcp(host) @ Transform.of(true["p_m"], true["q_xyzw"])
+
+
+def moving(head: Samples) -> slice:
+    """Samples well within the motion, of which derivatives can be taken."""
+    return slice(4 * 72, len(head) - 4 * 72)
+
+
+def test_a_prediction_leads_and_errs_with_the_acceleration() -> None:
+    options = headset.Options(clock_offset_s=0.0)
+    stage, head, _, _ = perform(profile=exact(prediction_s=0.1), headset_options=options)
+    part = moving(head)
+    told, t = in_base(stage, head)[part], head.pose_t[part]
+    lead, h = 100_000_000, 20_000_000
+    before, there, after = (true_eye(stage, t + lead + side) for side in (-h, 0, h))
+    acceleration = (before.p + after.p - 2.0 * there.p) / (h / NS) ** 2
+    error = told.p - there.p
+    assert error == pytest.approx(-0.5 * 0.1**2 * acceleration, abs=1e-6)
+    assert np.abs(error).max() > 5e-4
+    assert (
+        relative_angle(told.q, there.q).max() < relative_angle(told.q, true_eye(stage, t).q).max()
+    )
+
+
+def test_a_scale_error_lengthens_all_distances() -> None:
+    stage, head, _, _ = perform(profile=exact(scale_error=0.01))
+    _, plain, _, _ = perform(profile=exact())
+    assert stage.truth["headset"]["scale_error"] == 0.01
+    assert head.pose.p == pytest.approx(1.01 * plain.pose.p, abs=1e-12)
+    assert np.array_equal(head.pose.q, plain.pose.q)
+
+
+def test_a_world_drifts_evenly_from_where_the_eye_was() -> None:
+    drift = {"drift_m_per_min": 0.006, "drift_rad_per_min": 0.02}
+    _, head, _, _ = perform(profile=exact(**drift))
+    _, plain, _, _ = perform(profile=exact())
+    minutes = len(head) / 72.0 / 60.0
+    turned = relative_angle(head.pose.q, plain.pose.q)
+    assert turned[-1] == pytest.approx(0.02 * minutes, rel=0.01)
+    # the motion ends where it began, so the turn about that place moves nothing there
+    moved = np.linalg.norm(head.pose.p[-1] - plain.pose.p[-1])
+    assert moved == pytest.approx(0.006 * minutes, rel=0.05)
+    assert np.linalg.norm(head.pose.p[0] - plain.pose.p[0]) < 1e-5
+
+
+def test_a_recentre_opens_a_new_world_and_is_told() -> None:
+    options = headset.Options(clock_offset_s=0.0, recentre_s=(20.0, 10.0))
+    stage = Stage()
+    session = Session(VirtualClock(), MOUNTING, 3, stage)
+    arm = robot.SimulatedRobot(robot.Options(), session)
+    source = headset.SimulatedHeadset(options, exact(), session)
+    arm.start("take"), source.start("take")
+    movement = arm.execute(arm.plan(generate("saturate-30s-1").trajectory))
+    columns = [source.read() for _ in movement]
+    head = Samples.concatenate([c.poses["headset/eye"] for c in columns])
+    events = [event for c in columns for event in c.events]
+    begin = stage.truth["headset"]["clock_epoch_ns"]
+    assert [(e.kind, (e.t - begin) / NS) for e in events] == [
+        ("recentre", 10.0),
+        ("recentre", 20.0),
+    ]
+    assert np.unique(head.epoch).tolist() == [0, 1, 2]
+    since = (head.pose_t - begin) / NS
+    assert np.array_equal(head.epoch, np.searchsorted([10.0, 20.0], since, side="right"))
+    for world in range(3):
+        part = head[head.epoch == world]
+        assert in_base(stage, part, world).p == pytest.approx(
+            true_eye(stage, part.pose_t).p, abs=1e-8
+        )
+
+
+def test_pings_give_the_host_s_time_and_leave_the_raw_one() -> None:
+    options = headset.Options(clock_offset_s=0.4, clock_skew_ppm=30.0, clock_exchanges=True)
+    stage = Stage()
+    session = Session(VirtualClock(), MOUNTING, 5, stage)
+    arm = robot.SimulatedRobot(robot.Options(), session)
+    source = headset.SimulatedHeadset(options, exact(), session)
+    arm.start("take"), source.start("take")
+    movement = arm.execute(arm.plan(generate("saturate-30s-1").trajectory))
+    columns = [source.read() for _ in movement]
+    head = Samples.concatenate([c.poses["headset/eye"] for c in columns])
+    exchanges = Exchanges.concatenate([c.clocks["headset"] for c in columns])
+    true_host = head.receive_t - round(0.008 * NS)
+    assert np.abs(head.pose_t - true_host).max() < 1e6
+    assert head.source_t - true_host == pytest.approx(0.4 * NS, abs=2e6)
+    assert np.all(exchanges.round_trip >= 1e6)
+    fitted = fit_exchanges(exchanges).clock
+    assert np.abs(fitted.to_reference(head.source_t) - true_host).max() < 1e6
+
+
+def test_a_rig_may_replace_numbers_of_the_profile_that_there_are() -> None:
+    options = headset.Options(tracking={"scale_error": 0.02})
+    stage, _, _, _ = perform(profile=exact(), headset_options=options)
+    assert stage.truth["headset"]["scale_error"] == 0.02
+    with pytest.raises(ValueError, match=r"no scale; there are .*scale_error"):
+        headset.Options(tracking={"scale": 0.02})

@@ -3,7 +3,7 @@ import pytest
 
 from vrbench.errors import ConfigError, DataError
 from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
-from vrbench.motion.files import Header, given, read_motion, resampled, write_motion
+from vrbench.motion.files import Header, given, has_header, read_motion, resampled, write_motion
 from vrbench.motion.generators import generate
 from vrbench.trajectory import NS, Trajectory, read_tum
 
@@ -102,6 +102,18 @@ def test_z_up_is_turned_to_y_up(read):
 def test_what_is_wrong_is_named(read, change, says):
     with pytest.raises((ConfigError, DataError), match=rf"(?s)head\.tum: .*{says}"):
         read(change(HEAD + ROWS))
+
+
+def test_a_plain_tum_file_is_no_motion_file(tmp_path):
+    for text, is_one in (
+        (HEAD + ROWS, True),
+        ("# timestamp tx ty tz\n" + ROWS, False),
+        ("", False),
+    ):
+        path = tmp_path / "head.tum"
+        path.write_text(text)
+        assert has_header(path) == is_one
+    assert not has_header(tmp_path / "none.tum")
 
 
 def test_words_that_say_nothing_are_no_licence():

@@ -38,7 +38,7 @@ def run_evo(
         ConfigError: evo isn't installed.
         EstimationError: evo refuses the files.
     """
-    from vrbench.cli.ape import split
+    from vrbench.recording.poses import split
 
     name = "evo_ape" if question.delta is None else "evo_rpe"
     start = _program(name)

@@ -39,9 +39,22 @@ class _Bar:
 
 
 def record(
-    suite_name: str, rig_name: str, output: Path | None, seed: int, execute: str | None = None
+    suite_name: str,
+    rig_name: str,
+    output: Path | None,
+    seed: int,
+    execute: str | None = None,
+    *,
+    licence: str | None = None,
+    consent: str | None = None,
 ) -> Bundle:
-    """Records a suite on a rig; a real robot moves only where `execute` names the run's plans."""
+    """Records a suite on a rig.
+
+    A real robot moves only where `execute` names the run's plans; a person's motion needs what was
+    agreed with them.
+    """
+    from vrbench.capture import record_capture
+    from vrbench.cli._person import TerminalPerson
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
@@ -52,8 +65,22 @@ def record(
     suite = load_suite(suite_name, dict(plugins.suites))
     families_of(suite, plugins, suite_name)
     rig = load_rig(rig_name)
-    allowed = _permission(suite, rig, rig_name, plugins, execute)
     folder = output or default_folder(suite.suite, rig.headset.model)
+    if suite.mover == "person":
+        person = TerminalPerson()
+        return record_capture(
+            suite,
+            rig,
+            rig_name,
+            folder,
+            plugins,
+            person=person,
+            seed=seed,
+            watcher=person,
+            licence=licence,
+            consent=consent,
+        )
+    allowed = _permission(suite, rig, rig_name, plugins, execute)
     with bar(f"record {suite.label} on {rig.headset.model}") as tell:
         return record_suite(
             *(suite, rig, rig_name, folder, plugins),

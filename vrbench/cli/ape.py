@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 if TYPE_CHECKING:
     from vrbench.metrics.as_evo import Delta
-    from vrbench.trajectory import Stamped
 
 UNITS = {
     **dict.fromkeys(("", "f", "frame", "frames"), "frames"),
@@ -69,9 +67,10 @@ def command(
 
     from vrbench.cli._evo import run_evo, show_check
     from vrbench.metrics.as_evo import Question, compare
+    from vrbench.recording.poses import read_poses
 
     question = Question(rotation, align, delta, max_diff)
-    truth, found = _read(reference), _read(estimate)
+    truth, found = read_poses(reference), read_poses(estimate)
     answer = compare(truth, found, question)
     click.echo(
         f"{len(truth)} poses of {reference}, {len(found)} of {estimate}: "
@@ -112,22 +111,3 @@ def parse_delta(text: str, all_pairs: bool) -> Delta:
     if value > HALF_TURN.get(unit, value):
         raise ConfigError(f"{text!r} is beyond half a turn", field="--rpe", fix=fix)
     return Delta(value, unit, all_pairs)
-
-
-def split(source: str) -> tuple[Path, str | None]:
-    """The file of FILE.tum or TAKE.mcap:TOPIC, and the topic."""
-    file, dot, topic = source.partition(".mcap:")
-    return (Path(f"{file}.mcap"), topic) if dot else (Path(source), None)
-
-
-def _read(source: str) -> Stamped:
-    from vrbench.errors import ConfigError
-    from vrbench.recording.topic import read_topic
-    from vrbench.trajectory import read_tum_as_written
-
-    path, topic = split(source)
-    if topic is not None:
-        return read_topic(path, topic)
-    if path.suffix == ".mcap":
-        raise ConfigError("which topic?", file=path, fix=f"{path}:/robot/tcp, for example")
-    return read_tum_as_written(path)

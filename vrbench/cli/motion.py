@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vrbench.cli._motion_extract import extract
+
 if TYPE_CHECKING:
     from vrbench.devices.ports import MotionPlanner
     from vrbench.motion.motion import Motion
@@ -15,19 +17,28 @@ if TYPE_CHECKING:
 
 @click.group()
 def command() -> None:
-    """Motions: list and show them, and plan them for a robot."""
+    """Motions: list and show them, extract them from captures, and plan them for a robot."""
+
+
+command.add_command(extract)
 
 
 def _load(name: str) -> Motion:
-    """A generated motion by name, or a TUM file of `T_world_eye` whose first pose is the origin."""
+    """A generated motion by name, a motion file, or a plain TUM file of `T_world_eye`."""
+    from vrbench.motion.files import has_header, read_motion
     from vrbench.motion.generators import generate
     from vrbench.motion.motion import Motion, relative_to_first
     from vrbench.trajectory import read_tum
 
     path = Path(name)
+    if path.is_file() and has_header(path):
+        return read_motion(path)
     if path.suffix or path.exists():
         return Motion(path.stem, str(path), relative_to_first(read_tum(path)), str(path))
     return generate(name)
+
+
+command.add_command(extract)
 
 
 @command.command("list")
@@ -47,7 +58,7 @@ def list_() -> None:
 @command.command("show")
 @click.argument("motion")
 def show(motion: str) -> None:
-    """Show how long, how fast and how wide MOTION is: a name or a TUM file."""
+    """Show how long, how fast and how wide MOTION is: a name, a motion file, or TUM rows."""
     import numpy as np
 
     from vrbench.cli._tables import show_table
@@ -76,7 +87,7 @@ def show(motion: str) -> None:
 def plan(
     motion: str, rig: str | None, robot: str | None, stretch: float | None, output: Path | None
 ) -> None:
-    """Plan MOTION, a name or a TUM file, for a robot; nothing is connected, nothing moves.
+    """Plan MOTION, a name or a file, for a robot; nothing is connected, nothing moves.
 
     With -o the plan file is written, and a picture of it beside it.
     """

@@ -21,8 +21,19 @@ import click
     show_default=True,
     help="Of everything random.",
 )
-def command(suite: str, rig: str, output: Path | None, execute: str | None, seed: int) -> None:
+@click.option("--licence", help="Of a person's motion: under which it may be used.")
+@click.option("--consent", help="Of a person's motion: how they agreed to that.")
+def command(
+    suite: str,
+    rig: str,
+    output: Path | None,
+    execute: str | None,
+    seed: int,
+    licence: str | None,
+    consent: str | None,
+) -> None:
     """Record SUITE on a rig; `vrbench evaluate` scores it later."""
     from vrbench.cli._steps import record, show_runs
 
-    show_runs([record(suite, rig, output, seed, execute)])
+    bundle = record(suite, rig, output, seed, execute, licence=licence, consent=consent)
+    show_runs([bundle])

@@ -119,6 +119,20 @@ def read_motion(path: Path) -> Motion:
     return Motion(header.name, title, rows, header.source)
 
 
+def has_header(path: Path) -> bool:
+    """Whether a TUM file is a motion file: one of its first comment lines names the motion."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            for line in file:
+                if not line.startswith("#"):
+                    return False
+                if line[1:].strip().startswith("motion:"):
+                    return True
+    except (OSError, UnicodeDecodeError):
+        pass
+    return False
+
+
 def read_header(path: Path) -> Header:
     """A motion file's header alone; errors as `read_motion`."""
     lines = []

@@ -1,4 +1,4 @@
-"""One topic of an MCAP file, as its poses and header stamps, for comparison with other tools."""
+"""Poses as their file has them, a TUM file or a topic of a take, to compare with other tools."""
 
 from __future__ import annotations
 
@@ -6,11 +6,32 @@ from pathlib import Path
 
 import numpy as np
 
-from vrbench.errors import DataError
+from vrbench.errors import ConfigError, DataError
 from vrbench.recording import cdr
 from vrbench.recording.messages import read_messages
 from vrbench.recording.take import METADATA
-from vrbench.trajectory import NS, Stamped
+from vrbench.trajectory import NS, Stamped, read_tum_as_written
+
+
+def split(source: str) -> tuple[Path, str | None]:
+    """The file of FILE.tum or TAKE.mcap:TOPIC, and the topic."""
+    file, dot, topic = source.partition(".mcap:")
+    return (Path(f"{file}.mcap"), topic) if dot else (Path(source), None)
+
+
+def read_poses(source: str) -> Stamped:
+    """The poses of FILE.tum or TAKE.mcap:TOPIC.
+
+    Raises:
+        ConfigError: an MCAP file without a topic.
+        DataError: as `read_topic` and `vrbench.trajectory.read_tum_as_written`.
+    """
+    path, topic = split(source)
+    if topic is not None:
+        return read_topic(path, topic)
+    if path.suffix == ".mcap":
+        raise ConfigError("which topic?", file=path, fix=f"{path}:/robot/tcp, for example")
+    return read_tum_as_written(path)
 
 
 def read_topic(path: Path, topic: str) -> Stamped:
