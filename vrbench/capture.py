@@ -32,7 +32,7 @@ from vrbench.results.bundle import (
     utc_now,
     versions,
 )
-from vrbench.runner import Watcher
+from vrbench.runner import Watcher, accuracy_of
 from vrbench.trajectory import Trajectory
 
 STEP_S = 1.0
@@ -120,6 +120,7 @@ def record_capture(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
         references=["mocap"],
+        accuracy=accuracy_of(rig),
         licence=licence,
         consent=consent,
         seed=seed if simulated else None,

@@ -111,7 +111,7 @@ def record_suite(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
         references=[name for name in suite.references if getattr(rig, name) is not None],
-        accuracy=_accuracy(rig),
+        accuracy=accuracy_of(rig),
         seed=seed,
         versions=versions(plugins.versions()),
     )
@@ -138,7 +138,7 @@ def record_suite(
     return bundle
 
 
-def _accuracy(rig: Rig) -> dict[str, AccuracyRecord]:
+def accuracy_of(rig: Rig) -> dict[str, AccuracyRecord]:
     """What the rig states of its references."""
     stated = {"robot": rig.robot, "mocap": rig.mocap}
     return {

@@ -50,3 +50,15 @@ def test_plan_wants_a_rig_or_a_robot():
 def test_the_simulated_robot_needs_no_plan():
     with pytest.raises(ConfigError, match="does every motion"):
         run("plan", "shooter-1", "--rig", "sim")
+
+
+def test_a_motion_file_with_a_header_is_read_as_one(tmp_path):
+    path = tmp_path / "head.tum"
+    header = "# motion: nod\n# version: 2\n# up: y\n# rate_hz: 120\n# source: generated\n"
+    write_tum(generate("saturate-30s-1").trajectory, path)
+    path.write_text(header + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert run("show", str(path)).startswith("nod-2")
+
+
+def test_every_verb_of_motion_is_there():
+    assert set(command.commands) == {"list", "show", "plan", "extract"}

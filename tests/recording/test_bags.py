@@ -245,6 +245,7 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path, ros):
 
 def test_the_built_in_importers_are_found_by_name():
     assert [x.name for x in builtin_importers()] == [
+        "c3d",
         "csv",
         "duke",
         "euroc",

@@ -38,6 +38,9 @@ def _load(name: str) -> Motion:
     return generate(name)
 
 
+command.add_command(extract)
+
+
 @command.command("list")
 def list_() -> None:
     """List the generated motions."""
@@ -55,7 +58,7 @@ def list_() -> None:
 @command.command("show")
 @click.argument("motion")
 def show(motion: str) -> None:
-    """Show how long, how fast and how wide MOTION is: a name or a TUM file."""
+    """Show how long, how fast and how wide MOTION is: a name, a motion file, or TUM rows."""
     import numpy as np
 
     from vrbench.cli._tables import show_table
@@ -84,7 +87,7 @@ def show(motion: str) -> None:
 def plan(
     motion: str, rig: str | None, robot: str | None, stretch: float | None, output: Path | None
 ) -> None:
-    """Plan MOTION, a name or a TUM file, for a robot; nothing is connected, nothing moves.
+    """Plan MOTION, a name or a file, for a robot; nothing is connected, nothing moves.
 
     With -o the plan file is written, and a picture of it beside it.
     """

@@ -51,6 +51,7 @@ def list_() -> None:
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def emulate(device: str, arguments: tuple[str, ...]) -> None:
     """Run the emulator of DEVICE on this computer; `-- --help` lists its own ARGUMENTS."""
+    import signal
     import subprocess
     import sys
 
@@ -69,6 +70,8 @@ def emulate(device: str, arguments: tuple[str, ...]) -> None:
             f"no emulator of {device!r}", fix=f"there are {', '.join(sorted(modules)) or 'none'}"
         )
     running = subprocess.Popen([sys.executable, "-m", modules[device], *arguments])
+    # who ends this process ends the emulator too
+    signal.signal(signal.SIGTERM, lambda *_: running.terminate())
     try:
         sys.exit(running.wait())
     except KeyboardInterrupt:

@@ -358,6 +358,7 @@ def test_greetings_commands_and_echoes_come_back():
     greeting = Greeting("vrbench", (1, 2, 3, 4), (4, 2, 0, 0), True, (4, 1, 0, 0))
     packet = encode_greeting(greeting)
     assert len(packet) == 4 + 269
+    assert len(encode_greeting(Greeting("vrbench"))) == 4 + 264
     assert decode_greeting(packet) == greeting
     assert decode_greeting(packed(Message.CONNECT)) == Greeting()
     assert decode_greeting(packed(Message.CONNECT, b"Ping\0")).name == "Ping"

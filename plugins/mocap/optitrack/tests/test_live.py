@@ -218,6 +218,14 @@ def test_a_server_is_found_by_broadcast(motive, session, options):
         assert samples_of(record(source)).good.all()
 
 
+def test_a_server_may_be_given_by_name(motive, session, options):
+    with OptiTrack(options(motive(), server="localhost"), session) as source:
+        assert samples_of(record(source)).good.all()
+    nowhere = options(motive(), server="no such computer")
+    with pytest.raises(DeviceError, match=r"mocap.options.server: 'no such computer' can't be"):
+        OptiTrack(nowhere, session).__enter__()
+
+
 @pytest.mark.usefixtures("impatient")
 def test_what_keeps_a_source_from_opening_is_told(motive, session, options):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:

@@ -137,6 +137,22 @@ def discover(
     return sorted(found.items())
 
 
+def resolved(server: str) -> str:
+    """The address of a computer that is given by name or address: packets show the address.
+
+    Raises:
+        DeviceError: no computer has the name.
+    """
+    try:
+        return socket.gethostbyname(server)
+    except OSError as error:
+        raise DeviceError(
+            f"{server!r} can't be found: {error.strerror or error}",
+            field="mocap.options.server",
+            fix="the address of Motive's computer",
+        ) from error
+
+
 def _route(server: Address) -> str:
     """The local address that packets to the server leave from."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

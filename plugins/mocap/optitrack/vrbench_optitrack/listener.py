@@ -9,7 +9,7 @@ from typing import Self
 from vrbench.devices.ports import HostClock
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench_optitrack.conversation import Conversation
-from vrbench_optitrack.link import Link, discover
+from vrbench_optitrack.link import Link, discover, resolved
 from vrbench_optitrack.options import Options
 from vrbench_optitrack.wire import DATA_PORT, GROUP, Message, packed
 
@@ -40,7 +40,7 @@ class Listener:
         return self._link.interface
 
     def __enter__(self) -> Self:
-        server = self._options.server or self._found()
+        server = resolved(self._options.server) if self._options.server else self._found()
         self.talk = Conversation(self._options, server)
         self._link = Link(self.talk.address, self._options.interface)
         self._thread = threading.Thread(target=self._run, name="optitrack", daemon=True)

@@ -291,11 +291,12 @@ def decode_greeting(packet: bytes) -> Greeting:
 
 
 def encode_greeting(greeting: Greeting, message: Message = Message.CONNECT) -> bytes:
-    """The CONNECT or DISCOVERY packet, with the options of NatNet 4."""
+    """The CONNECT or DISCOVERY packet; with the options of NatNet 4 where any is chosen."""
     payload = _SENDER.pack(
         greeting.name.encode()[:255], bytes(greeting.version), bytes(greeting.natnet)
     )
-    payload += _OPTIONS.pack(greeting.subscribed_only, bytes(greeting.bitstream))
+    if greeting.subscribed_only or any(greeting.bitstream):
+        payload += _OPTIONS.pack(greeting.subscribed_only, bytes(greeting.bitstream))
     return packed(message, payload)
 
 

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
-from vrbench_ur.testing import MOUNTING, Emulator, RealClock
+from vrbench_ur.testing import MOUNTING, Emulator
 
+from vrbench.devices.host import RealClock
 from vrbench.devices.permit import Permit
 from vrbench.devices.ports import Session
 

@@ -9,6 +9,7 @@ import pluggy
 import pytest
 import vrbench_ur
 import yaml
+from vrbench_ur.primary import read_kinematics
 from vrbench_ur.search import quiet
 from vrbench_ur.specs import ROBOTS
 from vrbench_ur.testing import nod
@@ -22,7 +23,7 @@ from vrbench.plugin.manager import Plugins
 from vrbench.trajectory import write_tum
 
 HERE = Path(__file__).parents[1]
-START = {"p_m": [0.3458, 0.0895, 0.8929], "yaw_deg": 112.22}
+START = {"p_m": [0.5754, 0.0082, 0.8157], "yaw_deg": -85.53}
 RIG = {
     "lab": "example",
     "headset": {"plugin": "sim", "device": "quest-2"},
@@ -162,3 +163,22 @@ def test_without_pinocchio_the_plugin_is_listed_and_says_what_is_missing(monkeyp
         monkeypatch.delitem(sys.modules, f"vrbench_ur.{name}", raising=False)
     with pytest.raises(ConfigError, match="pinocchio is not installed"):
         ROBOTS[0].planner(ROBOTS[0].options(), None)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="addresses of loopback are Linux's")
+def test_the_emulator_is_a_command_and_ends_with_it():
+    host = f"127.98.{os.getpid() % 250 + 1}.1"
+    running = subprocess.Popen(
+        [sys.executable, "-m", "vrbench", "plugin", "emulate", "ur3e", "--", "--host", host],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert running.stdout.readline() == f"ready: ur3e at {host}\n"
+        assert read_kinematics(host, 5.0).a[1] == pytest.approx(-0.24355)
+    finally:
+        running.terminate()
+        running.wait(20)
+        running.stdout.close()
+    assert running.returncode == 0
+    assert read_kinematics(host, 0.5) is None

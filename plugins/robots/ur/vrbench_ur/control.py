@@ -58,6 +58,8 @@ class Control:
             "lookahead_s": options.lookahead_s,
             "gain": options.gain,
             "watchdog_hz": options.watchdog_hz,
+            "stale_s": options.stale_s,
+            "behind_s": options.behind_s,
             "max_error_rad": float(np.radians(options.max_error_deg)),
         }
         self._process = subprocess.Popen(

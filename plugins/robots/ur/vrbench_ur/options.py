@@ -95,7 +95,13 @@ class Options(_Strict):
     lookahead_s: float = Field(0.03, ge=0.03, le=0.2, description="of servoJ [s]")
     gain: float = Field(600.0, ge=100.0, le=2000.0, description="of servoJ")
     watchdog_hz: float = Field(
-        10.0, ge=2.0, le=125.0, description="commands a second below which the controller stops"
+        10.0, ge=0.2, le=125.0, description="commands a second below which the controller stops"
+    )
+    stale_s: float = Field(
+        0.25, gt=0.0, le=10.0, description="how long the controller's time may stand still [s]"
+    )
+    behind_s: float = Field(
+        0.5, gt=0.0, le=60.0, description="how far a replay on a busy computer may fall behind [s]"
     )
     first_pass_percent: float = Field(
         25.0, gt=0.0, le=100.0, description="speed of a plan's first pass; 100 for none"

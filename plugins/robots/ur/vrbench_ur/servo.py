@@ -32,10 +32,6 @@ from vrbench_ur.watching import FaultError, check_packet, off_track
 
 PERIOD_S = 0.002
 WATCH_HZ = 125.0
-# The arm's own time must go on at least this often, or the connection is as good as lost [s].
-STALE_S = 0.25
-# How far the path may fall behind the clock before the replay is given up [s].
-MOST_SLIP_S = 0.5
 STOP_SERVO, STOP_JOINTS = 10.0, 2.0
 # The lead that makes up for the lag grows over this long, so that nothing jerks [s].
 EASE_S = 0.5
@@ -138,6 +134,7 @@ class Child:
 
     def _watch(self) -> None:
         """Ends the process where the arm's time stands still: ur-rtde must never reconnect."""
+        stale_s = float(self.told["stale_s"])
         seen, since = -1.0, time.monotonic()
         while True:
             time.sleep(0.01)
@@ -146,8 +143,9 @@ class Child:
             stamp = -1.0 if packet is None else float(packet["timestamp"])
             if stamp != seen:
                 seen, since = stamp, now
-            elif now - since > STALE_S or self.reader.lost is not None:
-                why = self.reader.lost or f"the controller's time stands still for {STALE_S:g} s"
+            elif now - since > stale_s or self.reader.lost is not None:
+                still = f"the controller's time stands still for {stale_s:g} s"
+                why = self.reader.lost or still
                 say(event="fault", why=f"connection lost: {why}; its watchdog stops the arm")
                 os._exit(LEAVE_FAULT)
 
@@ -271,10 +269,10 @@ class Child:
                 time.sleep(previous + PERIOD_S - now)
                 now = time.monotonic()
             periods.append(now - previous)
-            slip += max(0.0, now - previous - 1.5 * PERIOD_S)
-            at += min(now - previous, 1.5 * PERIOD_S)
+            slip += max(0.0, now - previous - 2 * PERIOD_S)
+            at += min(now - previous, 2 * PERIOD_S)
             previous = now
-            if slip > MOST_SLIP_S:
+            if slip > told["behind_s"]:
                 raise FaultError(f"this computer is too busy: the replay is {slip:.2f} s behind")
         if not control.servoStop(STOP_SERVO):
             raise FaultError("the controller did not end the replay")
@@ -294,7 +292,7 @@ class Child:
         Raises:
             FaultError: it came.
         """
-        deadline = time.monotonic() + STALE_S
+        deadline = time.monotonic() + self.told["stale_s"]
         while time.monotonic() < deadline:
             self._check_state()
             time.sleep(0.005)
