@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-import numpy as np
-
-from vrbench.config.rig import SIMULATED, DeviceChoice, Rig
+from vrbench.config.rig import Rig
 from vrbench.config.suite import Step, Suite
 from vrbench.config.yaml_file import as_yaml
-from vrbench.devices.host import RealClock
-from vrbench.devices.ports import HeadsetProfile, PoseSource, Session
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.robot import START_EYE
-from vrbench.devices.simulated.stage import Stage, VirtualClock
 from vrbench.errors import ConfigError
-from vrbench.geometry import Transform
 from vrbench.motion.files import given
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import digest_of_name
-from vrbench.plugin.manager import Plugins, check_options, pick
+from vrbench.opening import Devices, accuracy_of, is_simulated, open_rig
+from vrbench.plugin.manager import Plugins
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
     Bundle,
@@ -32,7 +28,7 @@ from vrbench.results.bundle import (
     utc_now,
     versions,
 )
-from vrbench.runner import Watcher, accuracy_of
+from vrbench.runner import Watcher
 from vrbench.trajectory import Trajectory
 
 STEP_S = 1.0
@@ -102,7 +98,13 @@ def record_capture(
             a real person's motion has no licence or consent.
         DeviceError: a device failed. The bundle stays, marked incomplete, with the takes so far.
     """
-    simulated = _simulated(suite, rig, rig_name)
+    if rig.mocap is None:
+        raise ConfigError(
+            f"suite {suite.label} needs motion capture, the rig has none",
+            file=rig_name,
+            field="mocap",
+        )
+    simulated = is_simulated(rig, rig_name)
     if not simulated and not (given(licence) and given(consent)):
         raise ConfigError(
             f"suite {suite.label} records a person's motion: it needs a licence and their consent",
@@ -126,10 +128,9 @@ def record_capture(
         seed=seed if simulated else None,
         versions=versions(plugins.versions()),
     )
-    session = _session(rig, seed, simulated)
     steps = list(suite.schedule())
     with ExitStack() as stack:
-        sources = _open(rig, rig_name, plugins, session, stack)
+        devices = open_rig(rig.model_copy(update={"robot": None}), rig_name, plugins, seed, stack)
         inputs = {
             "suite.yaml": as_yaml(suite.canonical()),
             "rig.yaml": as_yaml(rig.model_dump(mode="json")),
@@ -139,80 +140,20 @@ def record_capture(
         for index, step in enumerate(steps):
             watcher.take(step.name, index, len(steps))
             mover.ready(step)
-            _record_step(bundle, suite, sources, session, step, mover, watcher)
+            _record_step(bundle, suite, devices, step, mover, watcher)
         bundle.finish()
     return bundle
-
-
-def _simulated(suite: Suite, rig: Rig, rig_name: str) -> bool:
-    """Whether all of the rig is; part of it can't be."""
-    if rig.mocap is None:
-        raise ConfigError(
-            f"suite {suite.label} needs motion capture, the rig has none",
-            file=rig_name,
-            field="mocap",
-        )
-    kinds = {choice.plugin == SIMULATED for choice in (rig.headset, rig.mocap)}
-    if len(kinds) > 1:
-        raise ConfigError(
-            "one of headset and mocap is simulated, the other isn't", file=rig_name, field="mocap"
-        )
-    return kinds.pop()
-
-
-def _session(rig: Rig, seed: int, simulated: bool) -> Session:
-    mounting = rig.mounting.tcp_eye.transform()
-    if not simulated:
-        return Session(RealClock(), mounting, seed)
-    stage, host = Stage(), VirtualClock()
-    rest = START_EYE @ mounting.inverse()
-    stage.move(Trajectory(np.array([host.now()]), Transform(rest.p[None], rest.q[None])))
-    return Session(host, mounting, seed, stage)
-
-
-def _open(
-    rig: Rig, rig_name: str, plugins: Plugins, session: Session, stack: ExitStack
-) -> list[PoseSource]:
-    """Headset and motion capture, connected."""
-    headsets = plugins.headsets
-    model = pick(headsets, rig.headset.model, "headset", field="headset.device", file=rig_name)
-    route = pick(
-        plugins.headsets, rig.headset.plugin, "headset", field="headset.plugin", file=rig_name
-    )
-    if route.open is None or model.profile is None:
-        what = "has no live connection" if route.open is None else "is no headset model"
-        name = route.name if route.open is None else model.name
-        raise ConfigError(
-            f"{name} {what}",
-            file=rig_name,
-            field="headset",
-            fix="plugin: a route to headsets, device: the model",
-        )
-    options = _options(rig.headset, route, "headset", rig_name)
-    choice = rig.mocap or DeviceChoice(plugin=SIMULATED)
-    mocap = pick(plugins.mocap, choice.plugin, "mocap", field="mocap.plugin", file=rig_name)
-    mocap_options = _options(choice, mocap, "mocap", rig_name)
-    profile: HeadsetProfile = model.profile
-    return [
-        stack.enter_context(mocap.open(mocap_options, session)),
-        stack.enter_context(route.open(options, profile, session)),
-    ]
-
-
-def _options(choice: DeviceChoice, spec: Any, kind: str, rig_name: str) -> Any:
-    return check_options(choice.options, spec.options, field=f"{kind}.options", file=rig_name)
 
 
 def _record_step(
     bundle: Bundle,
     suite: Suite,
-    sources: list[PoseSource],
-    session: Session,
+    devices: Devices,
     step: Step,
     person: Person,
     watcher: Watcher,
 ) -> None:
-    case = step.case
+    case, session = step.case, devices.session
     motion = suite.motions[case.motion]
     metadata = {
         "case": case.id,
@@ -223,7 +164,7 @@ def _record_step(
     }
     path = bundle.take_path(step.name)
     movement = person.perform(step, session)
-    record_take(path, metadata, sources, movement, session.host, watcher.moving)
+    record_take(path, metadata, devices.sources, movement, session.host, watcher.moving)
     if session.stage is not None:
         bundle.write_truth(step.name, session.stage.truth)
     bundle.add(

@@ -4,29 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from vrbench.config.rig import SIMULATED, Rig
+from vrbench.config.rig import Rig
 from vrbench.config.suite import Step, Suite
 from vrbench.config.yaml_file import as_yaml
-from vrbench.devices.ports import (
-    HeadsetProfile,
-    Operator,
-    PoseSource,
-    Robot,
-    Session,
-)
-from vrbench.devices.simulated.stage import SimulatedOperator, Stage, VirtualClock
+from vrbench.devices.ports import Operator
+from vrbench.devices.simulated.stage import SimulatedOperator
 from vrbench.errors import ConfigError
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import Motion, at_speed
+from vrbench.opening import Devices, accuracy_of, is_simulated, open_rig
 from vrbench.permission import Permission
-from vrbench.plugin.manager import Plugins, check_options, pick
+from vrbench.plugin.manager import Plugins
 from vrbench.recording.recorder import record_take
 from vrbench.results.bundle import (
-    AccuracyRecord,
     Bundle,
     DeviceRecord,
     RunRecord,
@@ -49,21 +42,6 @@ class Watcher(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Devices:
-    """A rig's devices, connected."""
-
-    headset: PoseSource
-    robot: Robot
-    operator: Operator
-    session: Session
-    mocap: PoseSource | None = None
-
-    @property
-    def sources(self) -> list[PoseSource]:
-        return [x for x in (self.robot, self.headset, self.mocap) if x is not None]
-
-
 def record_suite(
     suite: Suite,
     rig: Rig,
@@ -73,6 +51,7 @@ def record_suite(
     *,
     seed: int,
     watcher: Watcher,
+    operator: Operator | None = None,
     permission: Permission | None = None,
 ) -> Bundle:
     """Records all takes of a suite into a new bundle.
@@ -85,6 +64,7 @@ def record_suite(
         plugins: for their devices.
         seed: of everything random, so that a simulated run can be made again.
         watcher: told how it goes on.
+        operator: who fixes the headset anew on a real rig; a simulated one has its own.
         permission: to move a real robot; asked for at the start and after every operator prompt.
 
     Raises:
@@ -97,11 +77,25 @@ def record_suite(
             field="mover",
             fix="this vrbench records suites that a robot moves; import the others' recordings",
         )
-    profile = _profile(rig, rig_name, plugins)
+    if rig.robot is None:
+        raise ConfigError(
+            f"suite {suite.label} is moved by a robot, the rig has none",
+            file=rig_name,
+            field="robot",
+        )
+    references = [name for name in suite.references if getattr(rig, name) is not None]
+    if not references:
+        raise ConfigError(
+            f"suite {suite.label} is scored against {' or '.join(suite.references)}, "
+            "the rig has neither",
+            file=rig_name,
+            field="mocap",
+        )
+    simulated = is_simulated(rig, rig_name)
     motions = {name: generate(motion) for name, motion in suite.motions.items()}
     steps = list(suite.schedule())
     record = RunRecord(
-        kind="simulated",
+        kind="simulated" if simulated else "recorded",
         created=utc_now().isoformat(),
         suite=suite.canonical(),
         suite_digest=suite.digest,
@@ -110,13 +104,17 @@ def record_suite(
         device=DeviceRecord(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
-        references=[name for name in suite.references if getattr(rig, name) is not None],
+        references=list(references),
         accuracy=accuracy_of(rig),
-        seed=seed,
+        seed=seed if simulated else None,
         versions=versions(plugins.versions()),
     )
     with ExitStack() as stack:
-        devices = _open(rig, rig_name, profile, plugins, seed, stack)
+        devices = open_rig(rig, rig_name, plugins, seed, stack)
+        stage = devices.session.stage
+        hand = operator if stage is None else SimulatedOperator(stage)
+        if hand is None:
+            raise ConfigError("a real rig needs an operator", file=rig_name)
         if permission is not None:
             permission.again(devices.session.permit)
         inputs = {
@@ -129,7 +127,7 @@ def record_suite(
             if step.mount != mount:
                 mount = step.mount
                 devices.session.permit.revoke()
-                devices.operator.remount(mount)
+                hand.remount(mount)
                 if permission is not None:
                     permission.again(devices.session.permit)
             watcher.take(step.name, index, len(steps))
@@ -138,92 +136,13 @@ def record_suite(
     return bundle
 
 
-def accuracy_of(rig: Rig) -> dict[str, AccuracyRecord]:
-    """What the rig states of its references."""
-    stated = {"robot": rig.robot, "mocap": rig.mocap}
-    return {
-        name: AccuracyRecord(metres=device.accuracy.value, source=device.accuracy.source)
-        for name, device in stated.items()
-        if device is not None and device.accuracy is not None
-    }
-
-
-def _profile(rig: Rig, rig_name: str, plugins: Plugins) -> HeadsetProfile:
-    spec = pick(
-        plugins.headsets, rig.headset.model, "headset", field="headset.device", file=rig_name
-    )
-    if spec.profile is None:
-        raise ConfigError(
-            f"{spec.name} is a route to headsets, not a headset model",
-            file=rig_name,
-            field="headset.device",
-            fix="name the model that is benchmarked",
-        )
-    return spec.profile
-
-
-def _open(
-    rig: Rig,
-    rig_name: str,
-    profile: HeadsetProfile,
-    plugins: Plugins,
-    seed: int,
-    stack: ExitStack,
-) -> Devices:
-    if rig.robot is None:
-        raise ConfigError(
-            "the suite moves by robot, the rig has none", file=rig_name, field="robot"
-        )
-    chosen = [device for device in (rig.headset, rig.robot, rig.mocap) if device is not None]
-    if any(device.plugin != SIMULATED for device in chosen):
-        raise ConfigError(
-            "this vrbench runs simulated rigs only; real devices come with their plugins",
-            file=rig_name,
-            fix="rig sim:quest-2, or `vrbench import` recordings",
-        )
-    stage = Stage()
-    session = Session(VirtualClock(), rig.mounting.tcp_eye.transform(), seed, stage)
-    route = pick(
-        plugins.headsets, rig.headset.plugin, "headset", field="headset.plugin", file=rig_name
-    )
-    if route.open is None:
-        raise ConfigError(
-            f"{route.name} has no live connection",
-            file=rig_name,
-            field="headset.plugin",
-            fix="name a route, or import its recordings",
-        )
-    robots = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
-    robot_options = check_options(
-        rig.robot.options, robots.options, field="robot.options", file=rig_name
-    )
-    headset_options = check_options(
-        rig.headset.options, route.options, field="headset.options", file=rig_name
-    )
-    return Devices(
-        robot=stack.enter_context(robots.open(robot_options, session)),
-        headset=stack.enter_context(route.open(headset_options, profile, session)),
-        operator=SimulatedOperator(stage),
-        session=session,
-        mocap=_open_mocap(rig, rig_name, plugins, session, stack),
-    )
-
-
-def _open_mocap(
-    rig: Rig, rig_name: str, plugins: Plugins, session: Session, stack: ExitStack
-) -> PoseSource | None:
-    if rig.mocap is None:
-        return None
-    spec = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
-    options = check_options(rig.mocap.options, spec.options, field="mocap.options", file=rig_name)
-    return stack.enter_context(spec.open(options, session))
-
-
 def _record_step(
     bundle: Bundle, devices: Devices, step: Step, motion: Motion, watcher: Watcher
 ) -> None:
-    case = step.case
-    plan = devices.robot.plan(at_speed(motion, case.speed))
+    case, robot = step.case, devices.robot
+    if robot is None:
+        raise ValueError("a suite moved by a robot is recorded with one")
+    plan = robot.plan(at_speed(motion, case.speed))
     metadata = {
         "case": case.id,
         "motion": motion.name,
@@ -236,12 +155,12 @@ def _record_step(
         "prediction": bundle.record.device.prediction,
     }
     path = bundle.take_path(step.name)
-    for _ in devices.robot.prepare(plan):
+    for _ in robot.prepare(plan):
         pass
-    movement = devices.robot.execute(plan)
+    movement = robot.execute(plan)
     record_take(path, metadata, devices.sources, movement, devices.session.host, watcher.moving)
-    truth: dict[str, Any] = devices.session.stage.truth
-    bundle.write_truth(step.name, truth)
+    if devices.session.stage is not None:
+        bundle.write_truth(step.name, devices.session.stage.truth)
     bundle.add(
         TakeRecord(
             file=f"takes/{path.name}",

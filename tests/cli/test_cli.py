@@ -107,13 +107,13 @@ def test_what_the_user_got_wrong_is_told_once(tmp_path: Path, words: list[str], 
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_rig_of_real_devices_is_refused_until_they_are_here(tmp_path: Path) -> None:
+def test_a_rig_that_is_simulated_in_part_is_refused(tmp_path: Path) -> None:
     (tmp_path / "lab.yaml").write_text(
         "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: sim}\n"
         "mocap: {plugin: optitrack}\n"
     )
     done = vrbench("run", "calibration", "--rig", "lab.yaml", cwd=tmp_path)
-    refused(done, 2, "lab.yaml: this vrbench runs simulated rigs only")
+    refused(done, 2, "lab.yaml: headset: is simulated, and other devices of the rig are not")
 
 
 @pytest.mark.parametrize("option", ["rate_hz: 5", "ratehz: 100"])

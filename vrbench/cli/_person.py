@@ -59,3 +59,20 @@ class TerminalPerson:
 
     def moving(self, received: object, done: float) -> None:
         """Nothing is shown while a person moves: they read no terminal."""
+
+
+class TerminalOperator:
+    """Fixes the headset anew when the terminal asks for it."""
+
+    def remount(self, mount: int) -> None:
+        """Waits for Enter.
+
+        Raises:
+            ConfigError: nobody is there to press it.
+        """
+        click.echo(f"Fix the headset anew, the {mount}. time. Enter goes on ", nl=False)
+        if not sys.stdin.readline():
+            raise ConfigError(
+                "the headset must be fixed anew, and nobody is at the terminal",
+                fix="run it at a terminal",
+            )
