@@ -57,7 +57,6 @@ def record(
     from vrbench.cli._person import TerminalOperator, TerminalPerson
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
-    from vrbench.opening import is_simulated
     from vrbench.plugin.manager import Plugins, families_of
     from vrbench.results.bundle import default_folder
     from vrbench.runner import record_suite
@@ -66,7 +65,6 @@ def record(
     suite = load_suite(suite_name, dict(plugins.suites))
     families_of(suite, plugins, suite_name)
     rig = load_rig(rig_name)
-    is_simulated(rig, rig_name)  # a rig can't be so in part; said before anything is planned
     folder = output or default_folder(suite.suite, rig.headset.model)
     if suite.mover == "person":
         person = TerminalPerson()
