@@ -74,7 +74,10 @@ def test_a_motion_without_permission_is_not_extracted(run, tmp_path):
     ("rig", "says"),
     [
         (RIG.replace("mocap:", "environment:").replace("plugin: sim, options", "o"), "has none"),
-        (RIG.replace("mocap: {plugin: sim", "mocap: {plugin: other"), "is simulated, and other devices"),
+        (
+            RIG.replace("mocap: {plugin: sim", "mocap: {plugin: other"),
+            "is simulated, and other devices",
+        ),
         (RIG.replace("plugin: sim", "plugin: other"), "needs a licence and their consent"),
     ],
 )
