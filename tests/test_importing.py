@@ -130,7 +130,7 @@ def test_what_is_wrong_is_told_and_no_folder_is_left(
     [
         (lambda text: "", "holds no poses"),
         (lambda text: text[: len(text) // 2], ""),
-        (lambda text: "\n".join(reversed(text.splitlines())) + "\n", "stamps do not increase"),
+        (lambda text: "\n".join(reversed(text.splitlines())) + "\n", "stamps go back or repeat"),
         (lambda text: text.replace("\n", " 5\n", 1), "not TUM text"),
         (lambda text: "a b c\n" + text, "not TUM text"),
         (lambda text: "nan 0 0 0 0 0 0 1\n" + text, "stamp"),

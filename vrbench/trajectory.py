@@ -138,9 +138,18 @@ def read_tum(path: Path) -> Trajectory:
         DataError: no such file, no rows, a row of another shape, a value that isn't finite, a
             quaternion far from unit length, stamps that do not increase.
     """
+    t, p, q = tum_columns(path)
+    return checked_trajectory(t, p, q, path)
+
+
+def tum_columns(path: Path) -> tuple[Ints, Floats, Floats]:
+    """Stamps (n,) [ns], positions (n, 3) [m] and quaternions (n, 4) of a TUM file, unchecked.
+
+    Raises:
+        DataError: no such file, no rows, a row of another shape.
+    """
     rows = _tum_rows(path)
-    t = _stamps(path, rows[:, 0])
-    return checked_trajectory(t, rows[:, 1:4], rows[:, 4:8], path)
+    return _stamps(path, rows[:, 0]), rows[:, 1:4], rows[:, 4:8]
 
 
 def read_tum_as_written(path: Path) -> Stamped:

@@ -30,7 +30,8 @@ def test_rows_become_samples_with_one_time_each(tmp_path):
         ("0 1 2 3 0 0 0 1\n1e300 1 2 3 0 0 0 1\n", r"stamp of pose 2 is 1e\+300 s"),
         ("0 1 2 3 0 0 0 1e200\n", "quaternion of pose 1 has length inf"),
         ("0 1 2 3 0 0 0 2\n", "quaternion of pose 1 has length 2"),
-        ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "stamps do not increase at pose 2"),
+        ("".join(f"{9 - k} 1 2 3 0 0 0 1\n" for k in range(9)), "stamps go back or repeat at 8"),
+        ("0 1 2 3 0 0 0 1", "holds no whole line"),
     ],
 )
 def test_bad_rows_give_one_error_that_names_the_file(tmp_path, text, says):
@@ -43,3 +44,29 @@ def test_bad_rows_give_one_error_that_names_the_file(tmp_path, text, says):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(DataError, match=r"none\.tum: can't be read"):
         IMPORTER.read(tmp_path / "none.tum", NoOptions())
+
+
+ROWS = "".join(f"{k}.5 1 2 {k} 0 0 0 1\n" for k in range(20))
+
+
+def test_a_last_row_without_its_newline_is_left_out_and_told(tmp_path):
+    path = tmp_path / "head.tum"
+    path.write_text("# t x y z qx qy qz qw\n" + ROWS + "20.5 1 2 20 0 0 0 1")
+    imported = IMPORTER.read(path, NoOptions())
+    assert len(imported.samples) == 20
+    assert imported.samples.pose_t[-1] == 19_500_000_000
+    assert imported.repairs == ("line 22 left out: the file ends in the midst of it",)
+
+
+def test_a_byte_order_mark_is_no_number(tmp_path):
+    path = tmp_path / "head.tum"
+    path.write_text(ROWS, encoding="utf-8-sig")
+    assert len(IMPORTER.read(path, NoOptions()).samples) == 20
+
+
+def test_one_row_that_stands_twice_is_dropped_and_told(tmp_path):
+    path = tmp_path / "head.tum"
+    path.write_text(ROWS + "19.5 1 2 19 0 0 0 1\n")
+    imported = IMPORTER.read(path, NoOptions())
+    assert len(imported.samples) == 20
+    assert "1 pose dropped" in imported.repairs[0]
