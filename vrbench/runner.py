@@ -132,7 +132,7 @@ def _mover(
         if who is None:
             raise ConfigError("a person moves in this suite, and nobody is there")
         return PersonMover(suite, who, session)
-    hand = operator if session.stage is None else SimulatedOperator(session.stage)
+    hand = operator if session.stage is None else SimulatedOperator(session.stage, session.host)
     if hand is None:
         raise ConfigError("a real rig needs an operator")
     return RobotMover(suite, devices.robot, session, hand, permission)
