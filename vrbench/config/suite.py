@@ -61,10 +61,11 @@ class Suite(_Strict):
     conditions: tuple[Condition, ...] = ()
     order: Order = "given"
     compare: Literal["paired"] | None = None
-    on_loss: Literal["continue", "stop"] = "continue"
     metrics: tuple[str, ...] = Field(min_length=1)
     gate: Gate = Gate()
     rank: Rank
+    # what follows where the headset or the motion capture is lost in a take; a robot's loss ends it
+    on_loss: Literal["stop", "continue"] = "stop"
     # Where the motions that are files are, by what `motions` calls them.
     _files: dict[str, Path] = PrivateAttr(default_factory=dict)
 
