@@ -25,6 +25,7 @@ ORDER = (
     *(
         "opening",
         "permission",
+        "course",
         "movers",
         "capture",
         "runner",

@@ -26,9 +26,11 @@ class Devices:
 
     Attributes:
         session: what they were opened with; it has a stage where they are simulated.
+        profile: of the headset that is ranked.
     """
 
     session: Session
+    profile: HeadsetProfile
     headset: PoseSource
     robot: Robot | None = None
     mocap: PoseSource | None = None
@@ -117,7 +119,7 @@ def open_rig(rig: Rig, rig_name: str, plugins: Plugins, seed: int, stack: ExitSt
     if rig.mocap is not None:
         mocap = stack.enter_context(system.open(system_options, session))
     headset = stack.enter_context(route.open(headset_options, profile, session))
-    return Devices(session, headset, robot, mocap)
+    return Devices(session, profile, headset, robot, mocap)
 
 
 def accuracy_of(rig: Rig) -> dict[str, AccuracyRecord]:

@@ -14,7 +14,7 @@ from vrbench.config.yaml_file import as_yaml
 from vrbench.devices.ports import Operator
 from vrbench.devices.simulated.stage import SimulatedOperator
 from vrbench.errors import ConfigError
-from vrbench.movers import Mover, RobotMover, robots_references
+from vrbench.movers import Mover, RobotMover, lacking, robots_references
 from vrbench.opening import Devices, accuracy_of, is_simulated, open_rig
 from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
@@ -113,7 +113,11 @@ def record_suite(
         bundle = Bundle.create(folder, record, inputs)
         for index, step in enumerate(steps):
             watcher.take(step.name, index, len(steps))
-            _record_step(bundle, devices, step, mover, watcher)
+            why = lacking(step.case, devices.profile)
+            if why is None:
+                _record_step(bundle, devices, step, mover, watcher)
+            else:
+                _skip_step(bundle, step, suite, why)
         bundle.finish()
     return bundle
 
@@ -132,10 +136,18 @@ def _mover(
         if who is None:
             raise ConfigError("a person moves in this suite, and nobody is there")
         return PersonMover(suite, who, session)
-    hand = operator if session.stage is None else SimulatedOperator(session.stage)
+    hand = operator if session.stage is None else SimulatedOperator(session.stage, session.host)
     if hand is None:
         raise ConfigError("a real rig needs an operator")
-    return RobotMover(suite, devices.robot, session, hand, permission)
+    return RobotMover(suite, devices.robot, session, devices.profile, hand, permission)
+
+
+def _skip_step(bundle: Bundle, step: Step, suite: Suite, why: str) -> None:
+    """Enters a take that isn't recorded, and why."""
+    motion = suite.motion(step.case.motion)
+    take = _entry(bundle, step, motion.name, motion.digest)
+    take.status, take.reason = "skipped", why
+    bundle.add(take)
 
 
 def _record_step(
@@ -151,17 +163,9 @@ def _record_step(
         "logger": bundle.record.device.logger,
         "prediction": bundle.record.device.prediction,
     }
+    metadata |= movement.facts
     path = bundle.take_path(step.name)
-    take = TakeRecord(
-        file=f"takes/{path.name}",
-        sha256="",
-        case=case.id,
-        mount=step.mount,
-        repeat=step.repeat,
-        role=case.role,
-        motion=movement.motion,
-        motion_digest=movement.digest,
-    )
+    take = _entry(bundle, step, movement.motion, movement.digest)
     plan = movement.plan
     if plan is not None:
         take.speed, take.fraction, take.stretch = case.speed, plan.fraction, plan.stretch
@@ -171,8 +175,24 @@ def _record_step(
             "planned_duration_s": f"{plan.target.duration_s:.9g}",
             "stretch": f"{plan.stretch / case.speed:.9g}",
         }
-    record_take(path, metadata, devices.sources, movement.steps, session.host, watcher.moving)
+    sources = [*devices.sources, *([movement.diary] if movement.diary else [])]
+    record_take(path, metadata, sources, movement.steps, session.host, watcher.moving)
     if session.stage is not None:
         bundle.write_truth(step.name, session.stage.truth)
     take.sha256 = file_digest(path)
     bundle.add(take)
+
+
+def _entry(bundle: Bundle, step: Step, motion: str, digest: str) -> TakeRecord:
+    """A step's take in the run's record, before it has content."""
+    return TakeRecord(
+        file=f"takes/{bundle.take_path(step.name).name}",
+        sha256="",
+        case=step.case.id,
+        condition=step.condition,
+        mount=step.mount,
+        repeat=step.repeat,
+        role=step.case.role,
+        motion=motion,
+        motion_digest=digest,
+    )

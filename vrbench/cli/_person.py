@@ -13,7 +13,7 @@ from vrbench.errors import ConfigError
 
 if TYPE_CHECKING:
     from vrbench.config.suite import Step
-    from vrbench.devices.ports import Session
+    from vrbench.devices.ports import Occlusion, Session
 
 LOOK_S = 0.1
 HOW = {
@@ -62,7 +62,7 @@ class TerminalPerson:
 
 
 class TerminalOperator:
-    """Fixes the headset anew when the terminal asks for it."""
+    """Does by hand what the terminal asks for."""
 
     def remount(self, mount: int) -> None:
         """Waits for Enter.
@@ -70,9 +70,51 @@ class TerminalOperator:
         Raises:
             ConfigError: nobody is there to press it.
         """
-        click.echo(f"Fix the headset anew, the {mount}. time. Enter goes on ", nl=False)
-        if not sys.stdin.readline():
-            raise ConfigError(
-                "the headset must be fixed anew, and nobody is at the terminal",
-                fix="run it at a terminal",
-            )
+        _asked(f"Fix the headset anew, the {mount}. time.")
+
+    def cover(self, occlusion: Occlusion) -> None:
+        """Waits for Enter; raises as `remount`."""
+        _asked(f"{_covering(occlusion)}.")
+
+    def recentre(self) -> None:
+        """Says it, and waits for nothing: the robot may be moving."""
+        click.echo("Recentre the headset now, by its controller, from outside the robot's reach.")
+
+
+class ScriptedOperator:
+    """For `--yes`: says what would be asked for, and takes it for done.
+
+    It stands in where nobody is needed, as with emulated devices. It never lets a robot move.
+    """
+
+    def remount(self, mount: int) -> None:
+        click.echo(f"taken for done: the headset is fixed anew, the {mount}. time", err=True)
+
+    def cover(self, occlusion: Occlusion) -> None:
+        click.echo(f"taken for done: {_covering(occlusion).lower()}", err=True)
+
+    def recentre(self) -> None:
+        click.echo("taken for done: the headset is recentred", err=True)
+
+
+def _covering(occlusion: Occlusion) -> str:
+    if not occlusion.share:
+        return "Uncover all cameras"
+    if occlusion.share == 1.0:
+        return "Cover all cameras"
+    names = ", ".join(f"{id_} ({name})" for id_, name in sorted(occlusion.cameras.items()))
+    return f"Cover cameras {names}, uncover all others"
+
+
+def _asked(what: str) -> None:
+    """Waits for Enter.
+
+    Raises:
+        ConfigError: nobody is there to press it.
+    """
+    click.echo(f"{what} Enter goes on ", nl=False)
+    if not sys.stdin.readline():
+        raise ConfigError(
+            f"nobody is at the terminal to do this: {what}",
+            fix="run it at a terminal; --yes takes it for done",
+        )

@@ -29,6 +29,7 @@ class Asked:
     rig: str
     output: Path | None
     execute: str | None
+    yes: bool
     seed: int
     licence: str | None
     consent: str | None
@@ -43,6 +44,9 @@ _OPTIONS = (
         help="The new run's folder [runs/...].",
     ),
     click.option("--execute", metavar="HASH", help="Move a real robot by the plans of this hash."),
+    click.option(
+        "--yes", is_flag=True, help="Take the operator's work for done; no robot moves by this."
+    ),
     click.option(
         "--seed",
         type=click.IntRange(min=0),
@@ -89,7 +93,7 @@ def record(asked: Asked) -> Bundle:
     A real robot moves only where `--execute` names the run's plans; a person's motion needs what
     was agreed with them.
     """
-    from vrbench.cli._person import TerminalOperator, TerminalPerson
+    from vrbench.cli._person import ScriptedOperator, TerminalOperator, TerminalPerson
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
@@ -106,7 +110,7 @@ def record(asked: Asked) -> Bundle:
         record_suite,
         *(suite, rig, asked.rig, folder, plugins),
         seed=asked.seed,
-        operator=TerminalOperator(),
+        operator=ScriptedOperator() if asked.yes else TerminalOperator(),
         person=person,
         permission=_permission(suite, rig, plugins, asked),
         licence=asked.licence,

@@ -53,14 +53,14 @@ class TakeRecord(_Record):
     condition: str = "default"
     mount: int
     repeat: int
-    role: Literal["calibration", "scored"]
+    role: Literal["calibration", "check", "scored"]
     motion: str
     motion_digest: str
     speed: float = 1.0
     stretch: float = 1.0
     fraction: float = 1.0
     repairs: list[str] = []
-    status: Literal["ok", "failed"] = "ok"
+    status: Literal["ok", "failed", "skipped"] = "ok"
     reason: str = ""
 
     @property
