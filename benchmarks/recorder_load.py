@@ -98,7 +98,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "load.mcap"
         wall, cpu = time.monotonic(), cpu_s()
-        record_take(path, {}, sources, movement(), host, lambda *_: None)
+        devices = {source.stream.partition("/")[0]: source for source in sources}
+        record_take(path, {}, devices, movement(), host, lambda _: None)
         wall, cpu = time.monotonic() - wall, cpu_s() - cpu
         columns = read_take(path)
         size = path.stat().st_size

@@ -8,7 +8,7 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
 
@@ -30,11 +30,13 @@ class _Record(BaseModel):
 class DeviceRecord(_Record):
     """The headset that was measured, and how its poses were had."""
 
+    UNKNOWN: ClassVar[str] = "unknown"
+
     headset: str
-    firmware: str = "unknown"
-    logger: str = "unknown"
-    logger_version: str = "unknown"
-    prediction: str = "unknown"
+    firmware: str = UNKNOWN
+    logger: str = UNKNOWN
+    logger_version: str = UNKNOWN
+    prediction: str = UNKNOWN
 
 
 class AccuracyRecord(_Record):
@@ -65,14 +67,17 @@ class TakeRecord(_Record):
 
     @property
     def name(self) -> str:
-        return Path(self.file).stem
+        """What the take is called; that of one which failed stands in a `.mcap.part`."""
+        return Path(self.file).name.partition(".mcap")[0]
 
 
 class RunRecord(_Record):
     """`run.json`: what was run, with what, and what came of it."""
 
     schema_version: Literal[1] = 1
-    status: Literal["incomplete", "complete"] = "incomplete"
+    # incomplete: interrupted or crashed; failed: a device ended it. Both can be gone on with.
+    status: Literal["incomplete", "failed", "complete"] = "incomplete"
+    reason: str = ""
     kind: Literal["recorded", "simulated", "imported"]
     created: str
     suite: dict[str, Any]
@@ -83,6 +88,9 @@ class RunRecord(_Record):
     references: list[str]
     accuracy: dict[str, AccuracyRecord] = {}
     seed: int | None = None
+    # One hash over the plans that a real robot carries out, and when the run was gone on with.
+    plans: str | None = None
+    resumed: list[str] = []
     licence: str | None = None
     consent: str | None = None
     versions: dict[str, str]
@@ -124,9 +132,7 @@ class Bundle:
         try:
             folder.mkdir(parents=True, exist_ok=False)
         except FileExistsError:
-            raise ConfigError(
-                "is there already", file=folder, field="-o", fix="name a folder that is not"
-            ) from None
+            raise taken(folder) from None
         except OSError as error:
             raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
         bundle = cls(folder, record)
@@ -167,6 +173,23 @@ class Bundle:
         Raises:
             ConfigError: no run there, an incomplete one, or one of another schema.
         """
+        bundle = cls.begun(folder)
+        status, why = bundle.record.status, bundle.record.reason
+        if status != "complete":
+            raise ConfigError(
+                f"the run is {status}: {why or 'it was interrupted'}",
+                file=folder,
+                fix="go on with it by --resume, or import it again",
+            )
+        return bundle
+
+    @classmethod
+    def begun(cls, folder: Path) -> Bundle:
+        """A run, complete or not.
+
+        Raises:
+            ConfigError: no run there, or one of another schema.
+        """
         path = folder / RECORD
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -181,22 +204,15 @@ class Bundle:
                 field="schema_version",
                 fix=f"this vrbench reads version {SCHEMA_VERSION}",
             )
-        record = validate(content, RunRecord, path)
-        if record.status != "complete":
-            raise ConfigError(
-                "the run is incomplete: it was interrupted or failed",
-                file=folder,
-                fix="record or import it again",
-            )
-        return cls(folder, record)
+        return cls(folder, validate(content, RunRecord, path))
 
     def take_path(self, name: str) -> Path:
         """Where the take of this name belongs."""
         return self.folder / "takes" / f"{name}.mcap"
 
     def add(self, take: TakeRecord) -> None:
-        """Enters a take that has been written."""
-        self.record.takes.append(take)
+        """Enters a take that has been written; it replaces an earlier one of its name."""
+        self.record.takes = [t for t in self.record.takes if t.name != take.name] + [take]
         self._save()
 
     def columns(self, take: TakeRecord) -> Columns:
@@ -225,13 +241,27 @@ class Bundle:
 
     def finish(self) -> None:
         """Marks the run complete."""
-        self.record.status = "complete"
+        self.end("complete")
+
+    def end(self, status: Literal["incomplete", "failed", "complete"], reason: str = "") -> None:
+        """Marks how the run ended."""
+        self.record.status, self.record.reason = status, reason
         self._save()
 
     def _save(self) -> None:
         path = self.folder / RECORD
         text = self.record.model_dump_json(indent=1)
         replace_text(path, text)
+
+
+def taken(folder: Path) -> ConfigError:
+    """What to say of a folder that a new run can't have."""
+    return ConfigError(
+        "is there already",
+        file=folder,
+        field="-o",
+        fix="name a folder that is not; --resume goes on with a run that was interrupted",
+    )
 
 
 def replace_text(path: Path, text: str) -> None:
