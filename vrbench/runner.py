@@ -23,7 +23,7 @@ from vrbench.results.bundle import (
     Bundle,
     DeviceRecord,
     RunRecord,
-    taken,
+    require_new,
     utc_now,
     versions,
 )
@@ -102,8 +102,8 @@ def record_suite(
             bundle = resumed(folder, record, inputs)
             stack.enter_context(locked(folder))
             todo, mount = left(bundle, steps)
-        elif folder.exists():
-            raise taken(folder)
+        else:
+            require_new(folder)
         if todo:
             check_room(folder, run_bytes(suite, todo, nominal_rates(rig, rig_name, plugins)))
             devices = open_rig(rig, rig_name, plugins, seed, stack)
@@ -111,8 +111,8 @@ def record_suite(
             mover = _mover(suite, devices, operator, person, permission, mount)
             mover.begin()
         if not resume:
-            bundle = Bundle.create(folder, record, inputs)
             stack.enter_context(locked(folder))
+            bundle = Bundle.create(folder, record, inputs)
         with _marked(bundle, len(steps)):
             for step in todo:
                 watcher.take(step.name, steps.index(step), len(steps))

@@ -57,6 +57,8 @@ def record_step(
     }
     metadata |= movement.facts
     path = bundle.take_path(step.name)
+    # of a run that is gone on with: what stands there isn't whole, or was never entered
+    path.unlink(missing_ok=True)
     take = _entry(bundle, step, movement.motion, movement.digest)
     plan = movement.plan
     if plan is not None:

@@ -21,6 +21,8 @@ from vrbench.streams import Columns
 
 SCHEMA_VERSION = 1
 RECORD = "run.json"
+# While somebody records: see `vrbench.results.lock`.
+LOCK = "run.lock"
 
 
 class _Record(BaseModel):
@@ -127,17 +129,16 @@ class Bundle:
         """A new folder, marked incomplete, with the texts `inputs` by file name.
 
         Raises:
-            ConfigError: the folder exists, or can't be made.
+            ConfigError: something is in the folder, or it can't be made.
         """
+        require_new(folder)
         try:
-            folder.mkdir(parents=True, exist_ok=False)
-        except FileExistsError:
-            raise taken(folder) from None
+            folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
         bundle = cls(folder, record)
         bundle._save()
-        (folder / "takes").mkdir()
+        (folder / "takes").mkdir(exist_ok=True)
         for name, text in inputs.items():
             (folder / name).write_text(text, encoding="utf-8")
             bundle.enter(name)
@@ -254,14 +255,22 @@ class Bundle:
         replace_text(path, text)
 
 
-def taken(folder: Path) -> ConfigError:
-    """What to say of a folder that a new run can't have."""
-    return ConfigError(
-        "is there already",
-        file=folder,
-        field="-o",
-        fix="name a folder that is not; --resume goes on with a run that was interrupted",
-    )
+def require_new(folder: Path) -> None:
+    """Refuses a folder that a new run can't have.
+
+    Raises:
+        ConfigError: something is there; an empty folder, or one of a run that died before it began,
+            is as good as none.
+    """
+    if folder.exists() and not (
+        folder.is_dir() and {path.name for path in folder.iterdir()} <= {LOCK, f"{RECORD}.part"}
+    ):
+        raise ConfigError(
+            "is there already",
+            file=folder,
+            field="-o",
+            fix="name a folder that is not; --resume goes on with a run that was interrupted",
+        )
 
 
 def replace_text(path: Path, text: str) -> None:

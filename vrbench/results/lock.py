@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from vrbench.errors import ConfigError
-
-NAME = "run.lock"
+from vrbench.results.bundle import LOCK
 
 if sys.platform == "win32":
     import msvcrt
@@ -33,7 +32,7 @@ else:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Holds a run's folder.
+    """Holds a run's folder; one that isn't there is made.
 
     A lock file alone means nothing: what counts is whether a living process holds it, so that after
     a crash nobody has to remove anything.
@@ -41,7 +40,8 @@ def locked(folder: Path) -> Iterator[None]:
     Raises:
         ConfigError: another process records into it.
     """
-    path = folder / NAME
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / LOCK
     while True:
         file = path.open("a+b")
         try:
