@@ -32,11 +32,11 @@ class RunDisplay:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._stop()
+        self.close()
 
     def take(self, name: str, index: int, total: int) -> None:
         """A take begins; until it moves, the terminal is an operator's."""
-        self._stop()
+        self.close()
         self._name, self._index, self._total = name, index, total
         self._told = time.monotonic()
         if not self._out.is_terminal:
@@ -68,13 +68,14 @@ class RunDisplay:
     def paused(self) -> Iterator[None]:
         """The terminal is somebody else's meanwhile."""
         self._quiet = True
-        self._stop()
+        self.close()
         try:
             yield
         finally:
             self._quiet = False
 
-    def _stop(self) -> None:
+    def close(self) -> None:
+        """Nothing is shown any more, until a take goes on."""
         live, self._live = self._live, None
         if live is not None:
             live.stop()

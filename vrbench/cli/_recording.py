@@ -114,6 +114,7 @@ def record(asked: Asked) -> Bundle:
         try:
             return run()
         except VrbenchError:
+            display.close()
             _show_what_is_there(folder)
             raise
 

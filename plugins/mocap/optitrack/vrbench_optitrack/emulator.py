@@ -16,10 +16,14 @@ import struct
 import sys
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
+from vrbench.devices.emulated import EmulatedBody, StageReader
+from vrbench.geometry import Floats, Transform
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frames import BITSTREAM_CHANGED, MODELS_CHANGED, Frame, Suffix
 from vrbench_optitrack.scene import Scene
@@ -165,6 +169,15 @@ class Emulator:
             broadcast.close()
         else:
             self._sockets.append(broadcast)
+
+    def ride_on(self, stage: Path) -> None:
+        """The body is what an emulated robot carries."""
+        body = EmulatedBody(StageReader(stage), self.seed)
+
+        def carried(seconds: Floats) -> Transform:
+            return body.pose(self._first_ns + np.rint(seconds * NS).astype(np.int64))
+
+        self.scene = replace(self.scene, carried=carried)
 
     def close(self) -> None:
         """Releases the ports."""
@@ -372,6 +385,9 @@ def version(text: str) -> Version:
 @click.option("--data-port", default=DATA_PORT, help="0 takes the command port's successor.")
 @click.option("--group", default=GROUP, help="Multicast address.")
 @click.option("--motion", default="shooter-1", help="Of the head: the name of a generator.")
+@click.option(
+    "--stage", type=click.Path(path_type=Path), help="An emulated robot's file: it moves the head."
+)
 @click.option("--begin", default=0.0, help="Where in the motion to begin [s].")
 @click.option("--body", default="headset", help="Name of the head's rigid body.")
 @click.option("--markers", default=3, help="Further labeled markers.")
@@ -441,6 +457,8 @@ def main(**given: Any) -> None:
         ),
         seed=given["seed"],
     )
+    if given["stage"] is not None:
+        emulator.ride_on(given["stage"])
     try:
         emulator.open()
         emulator.run(given["duration"])

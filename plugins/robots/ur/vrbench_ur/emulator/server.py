@@ -58,6 +58,9 @@ class Server:
         host: a loopback address, 127.0.0.1 to 127.255.255.254.
         version: of the controller's software: major, minor, bugfix, build.
 
+    Attributes:
+        after_tick: told of every tick, with the monotonic time it was due [s].
+
     Raises:
         OSError: a port is taken.
     """
@@ -83,6 +86,7 @@ class Server:
             self._listeners.append(listener)
         self._commands: Callable[[str], str | None] | None = None
         self._typed = b""
+        self.after_tick: Callable[[float], None] | None = None
         self.until_eof = False
         self.running = True
 
@@ -120,6 +124,8 @@ class Server:
                 due += TICK_S
                 behind += 1
                 self.controller.tick()
+                if self.after_tick is not None:
+                    self.after_tick(due)
                 self._send()
                 if behind > MOST_BEHIND:
                     due = time.monotonic()
