@@ -21,7 +21,9 @@ from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat, sle
 from vrbench.trajectory import NS
 
 # Rows the file holds, in a ring: four seconds at 500 Hz.
-ROWS = 2048
+ROWS, USUAL_STEP_NS = 2048, 2_000_000
+# Rows before the newest that a look takes in, and before the oldest that it leaves alone.
+SPARE = 128
 _ROW = np.dtype([("t", "<i8"), ("p", "<f8", 3), ("q", "<f8", 4)])
 _PACKED = struct.Struct("<q7d")
 # The number of rows written so far comes first: one aligned word, which is never seen half written.
@@ -83,7 +85,7 @@ class StageReader:
         end, last = time.monotonic() + patience_s, int(t.max())
         while self._newest_t() < last and time.monotonic() < end:
             time.sleep(0.001)
-        rows = self._newest()
+        rows = self._since(int(t.min()))
         known = np.clip(t, rows["t"][0], rows["t"][-1])
         after = np.clip(np.searchsorted(rows["t"], known), 1, max(len(rows) - 1, 1))
         a, b = rows[after - 1], rows[np.minimum(after, len(rows) - 1)]
@@ -95,11 +97,12 @@ class StageReader:
     def _newest_t(self) -> int:
         return int(self._rows["t"][(int(self._written[0]) - 1) % ROWS])
 
-    def _newest(self) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-        """The rows of the last second or so, by time."""
+    def _since(self, t: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+        """The rows from a time [ns] on, by time, and some before it, as far as they are kept."""
         count = int(self._written[0])
+        needed = (self._newest_t() - t) // USUAL_STEP_NS + SPARE
         # the oldest of the ring are left out: they may be written over meanwhile
-        first = max(0, count - ROWS // 4)
+        first = max(0, count - min(max(needed, SPARE), ROWS - SPARE))
         return self._rows[np.arange(first, count) % ROWS].copy()
 
 
