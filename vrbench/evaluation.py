@@ -15,7 +15,7 @@ from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.scoring import Rules, Scored, failed_take, score, with_interval
+from vrbench.scoring import Rules, Scored, unscored_take, score, with_interval
 from vrbench.statistics.uncertainty import intervals
 from vrbench.variants import variant_rows
 
@@ -56,8 +56,8 @@ def evaluate(
         for take in bundle.record.takes:
             tell(take.name, done, len(bundle.record.takes) * len(bundle.record.references))
             done += 1
-            if take.status == "failed":
-                failed = failed_take(rules, take, take.reason)
+            if take.status != "ok":
+                failed = unscored_take(rules, take, Verdict(take.status, take.reason))
                 rows += failed.rows
                 groups[take.case, take.condition].append(failed)
                 continue
@@ -93,7 +93,7 @@ def calibrated(
     if protocol.calibrate is None:
         return good, failures, bodies
     for take in bundle.record.takes:
-        if take.mount == mount and take.role == "calibration":
+        if take.mount == mount and take.role != "scored" and take.status != "skipped":
             if take.status == "failed":
                 failures[take.name] = take.reason
                 continue
