@@ -32,6 +32,8 @@ ORDER = (
         "importing",
         "scoring",
         "variants",
+        "loops",
+        "comparison",
         "evaluation",
     ),
     "extraction",

@@ -6,7 +6,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from vrbench.comparison import baseline_rows
 from vrbench.errors import EstimationError
+from vrbench.loops import loop_rows
 from vrbench.metrics.registry import Family
 from vrbench.protocols.body import Shapes, body_shapes, usable
 from vrbench.protocols.calibration import Calibration, Verdict
@@ -15,7 +17,7 @@ from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.scoring import Rules, Scored, unscored_take, score, with_interval
+from vrbench.scoring import Rules, Scored, score, unscored_take, with_interval
 from vrbench.statistics.uncertainty import intervals
 from vrbench.variants import variant_rows
 
@@ -66,13 +68,15 @@ def evaluate(
             good, failures = usable(*calibrations[take.mount], body_shapes(columns, reference))
             scored = score(own, take, columns, good, failures)
             variants = variant_rows(own, scored, columns, good)
-            scored = replace(scored, rows=[*scored.rows, *variants])
+            loops = loop_rows(own, scored, columns)
+            scored = replace(scored, rows=[*scored.rows, *variants, *loops])
             rows += scored.rows
             phases += phase_rows(take, scored.whole, own.reference)
             groups[take.case, take.condition].append(scored)
         for group in groups.values():
             rows += _rows_of_repeats(rules, group)
             rows += _pooled(rules, group)
+        rows += baseline_rows(rules, groups, phases)
     table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
     write_rows(rows, bundle.folder / table)
     write_phases(phases, bundle.folder / by_phase)

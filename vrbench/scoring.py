@@ -10,7 +10,7 @@ import numpy as np
 
 from vrbench.config.suite import Case, Suite
 from vrbench.errors import DataError, EstimationError
-from vrbench.geometry import Floats, Transform
+from vrbench.geometry import Floats, Ints, Transform
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_x
@@ -152,7 +152,7 @@ def score(
         if isinstance(part, ScoredTake) and part.x is not None:
             if covariance is not None:
                 models = error_models(part)
-                found = _with_intervals(rules, found, take.name, models, covariance)
+                found = with_intervals(rules, found, take.name, models, covariance)
             stated = rules.record.accuracy.get(rules.reference)
             floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
             found += [rules.row(take, value, verdict) for value in floor]
@@ -197,8 +197,7 @@ def _prepared(
     whole = rules.protocol.prepare(
         columns, rules.reference, None if several else x, anchor_s=anchor_s
     )
-    reference = reference_samples(columns, rules.reference)
-    left_out = [spans(columns, kind, reference) for kind in case.exclude]
+    left_out = excluded(rules, take, columns)
     if not several:
         whole = replace(without(whole, left_out), x_covariance=covariance)
         return whole, {"all": whole}
@@ -212,6 +211,12 @@ def _prepared(
         except EstimationError as error:
             parts[segment] = str(error)
     return whole, parts
+
+
+def excluded(rules: Rules, take: TakeRecord, columns: Columns) -> list[Ints]:
+    """The spans (k, 2) [ns] of a take that its case declares not to be scored."""
+    reference = reference_samples(columns, rules.reference)
+    return [spans(columns, kind, reference) for kind in rules.case(take).exclude]
 
 
 def _epoch(columns: Columns, epoch: int) -> Columns:
@@ -268,7 +273,7 @@ def absent_values(families: Sequence[Family]) -> Iterator[Value]:
                 yield Value(metric, "value", None, unit, 0)
 
 
-def _with_intervals(
+def with_intervals(
     rules: Rules,
     rows: Iterable[Row],
     name: str,

@@ -57,6 +57,13 @@ _HEADLINES = (
     ("scale ", "scale", "eye", "value"),
     ("rate Hz ", "timing.rate", "", "value"),
 )
+# Those of suites that look at something else; shown where a take has them.
+_SPECIAL = (
+    ("jitter mm ", "jitter.position", "eye", "rmse"),
+    ("recovery s ", "recovery.time", "eye", "max"),
+    ("left mm ", "recovery.offset", "eye", "max"),
+    ("drift mm/h ", "drift.translation", "eye", "slope"),
+)
 
 
 def show_metrics(rows: Sequence[Row], table: str) -> None:
@@ -70,6 +77,8 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
             take = takes.setdefault(place, {})
             take[row.metric, row.point, row.statistic] = row
     headlines = _HEADLINES if console().width >= _NARROW else _HEADLINES[:5]
+    had = {key for take in takes.values() for key, row in take.items() if row.value is not None}
+    headlines = (*(of for of in headlines if of[1:] in had), *(s for s in _SPECIAL if s[1:] in had))
     lines = []
     several = len({row.reference for row in rows}) > 1
     for (reference, case, condition, mount, repeat), numbers in takes.items():
@@ -87,7 +96,29 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
         lines.append([*line, *shown, status])
     header = ["case", "take", *(name for name, *_ in headlines), "status"]
     show_table("Metrics", header, lines)
+    _show_compared(rows)
     click.echo(f"all {len(rows)} numbers: {table}")
+
+
+def _show_compared(rows: Sequence[Row]) -> None:
+    """By how much errors under each condition are above those under the baseline."""
+    several = len({row.reference for row in rows}) > 1
+    lines = [
+        [
+            f"{row.case} {row.condition}" + (f" by {row.reference}" if several else ""),
+            f"{row.metric} {row.point}",
+            _number(row.value),
+            "" if row.ci_low is None else f"{_number(row.ci_low)} to {_number(row.ci_high)}",
+            row.unit,
+            row.status,
+            row.reason,
+        ]
+        for row in rows
+        if row.variant == "vs-baseline"
+    ]
+    if lines:
+        header = ["case", "rmse of", "more by ", "95 % ", "", "status", ""]
+        show_table("Against the baseline", header, lines)
 
 
 def show_boards(boards: Sequence[Board]) -> None:
