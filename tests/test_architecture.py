@@ -34,6 +34,7 @@ ORDER = (
         "variants",
         "loops",
         "comparison",
+        "crosscheck",
         "evaluation",
     ),
     "extraction",

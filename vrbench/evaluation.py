@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from vrbench.comparison import baseline_rows
+from vrbench.crosscheck import crosscheck_rows
 from vrbench.errors import EstimationError
 from vrbench.loops import loop_rows
 from vrbench.metrics.registry import Family
@@ -69,7 +70,8 @@ def evaluate(
             scored = score(own, take, columns, good, failures)
             variants = variant_rows(own, scored, columns, good)
             loops = loop_rows(own, scored, columns)
-            scored = replace(scored, rows=[*scored.rows, *variants, *loops])
+            both = crosscheck_rows(own, take, columns)
+            scored = replace(scored, rows=[*scored.rows, *variants, *loops, *both])
             rows += scored.rows
             phases += phase_rows(take, scored.whole, own.reference)
             groups[take.case, take.condition].append(scored)

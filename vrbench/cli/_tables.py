@@ -76,9 +76,10 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
             place = (row.reference, row.case, row.condition, row.mount, row.repeat)
             take = takes.setdefault(place, {})
             take[row.metric, row.point, row.statistic] = row
+    headlines: Sequence[tuple[str, str, str, str]]
     headlines = _HEADLINES if console().width >= _NARROW else _HEADLINES[:5]
     had = {key for take in takes.values() for key, row in take.items() if row.value is not None}
-    headlines = (*(of for of in headlines if of[1:] in had), *(s for s in _SPECIAL if s[1:] in had))
+    headlines = (*headlines, *(special for special in _SPECIAL if special[1:] in had))
     lines = []
     several = len({row.reference for row in rows}) > 1
     for (reference, case, condition, mount, repeat), numbers in takes.items():
@@ -197,10 +198,17 @@ def exit_code(rows: Sequence[Row]) -> int:
 
 
 def show_trouble(rows: Sequence[Row]) -> None:
-    """One line on stderr for each take that failed or is invalid."""
+    """One line on stderr for each take that failed, is invalid, or was skipped as a whole."""
     told: dict[tuple[str, ...], None] = {}
+    takes: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        if row.status in ("invalid", "failed") and row.variant == "main" and row.repeat != "all":
-            told[(row.case, row.mount, row.repeat, row.status, row.reason)] = None
-    for case, mount, repeat, status, reason in told:
-        click.echo(f"{status}: {case} mount {mount} repeat {repeat}: {reason}", err=True)
+        if row.variant == "main" and row.repeat != "all":
+            takes.setdefault((row.case, row.condition, row.mount, row.repeat), []).append(row)
+    for take, mine in takes.items():
+        skipped = all(row.status == "skipped" for row in mine)
+        for row in mine:
+            if skipped or row.status in ("invalid", "failed"):
+                told[(*take, row.status, row.reason)] = None
+    for case, condition, mount, repeat, status, reason in told:
+        named = case if condition == "default" else f"{case} {condition}"
+        click.echo(f"{status}: {named} mount {mount} repeat {repeat}: {reason}", err=True)
