@@ -75,7 +75,7 @@ def loop_rows(rules: Rules, scored: Scored, columns: Columns) -> list[Row]:
                 for row in family_rows(rules, take, names["ape"], loop.part, scored.verdict)
                 if row.metric in OF_LOOPS and row.band == "all" and row.statistic in STATISTICS
             ]
-            models = error_models(loop.part)
+            models = {k: m for k, m in error_models(loop.part).items() if k[0] == OF_LOOPS[0]}
             rows += with_intervals(rules, found, take.name, models, scored.x_covariance)
         values += _growth(rows, loops, rules.rng(take.name, "growth"))
     if "clock" in names:
