@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self
 
 from pydantic import BaseModel, ConfigDict
 
+from vrbench.clocks import Exchanges
 from vrbench.devices.permit import Permit
 from vrbench.geometry import Transform
 from vrbench.streams import Columns
@@ -25,6 +26,13 @@ class HostClock(Protocol):
 
     def wait(self, seconds: float) -> None:
         """Lets time pass."""
+        ...
+
+    def reading(self) -> Exchanges | None:
+        """This clock and UTC at one moment, an exchange whose remote times are UTC.
+
+        None where time is virtual.
+        """
         ...
 
 

@@ -28,6 +28,9 @@ class VirtualClock:
     def wait(self, seconds: float) -> None:
         self._now += round(seconds * NS)
 
+    def reading(self) -> None:
+        """Virtual time has no UTC beside it."""
+
 
 @dataclass(slots=True, eq=False)
 class Stage:
