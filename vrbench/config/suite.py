@@ -118,6 +118,12 @@ class Suite(_Strict):
             f"suite {self.label} has no case {name!r}", field="case", fix=f"there are {known}"
         )
 
+    def case_under(self, name: str, condition: str) -> Case:
+        """The case as a condition has it; raises as `case`."""
+        case = self.case(name)
+        of = next((c for c in self.conditions if c.id == condition), None)
+        return case if of is None or case.role != "scored" else of.of(case)
+
     def canonical(self) -> dict[str, Any]:
         """The suite in JSON's types and SI units, as bundles keep it.
 

@@ -250,7 +250,7 @@ class Tracking:
     drift_rad_per_min: float = 0.0
     occlusion_growth: float = 1.6
     relocalisation_s: float = 1.2
-    relocalisation_m: float = 0.004
+    relocalisation_m: float = 0.002
     source: str = "made up"
 
 

@@ -22,6 +22,7 @@ from vrbench.protocols.protocol import (
     recorded_span,
     reference_samples,
 )
+from vrbench.protocols.stretches import spans
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
 
@@ -34,7 +35,10 @@ def _synchronised(columns: Columns, reference: str) -> tuple[Trajectory, Traject
     """
     truth, headset = reference_samples(columns, reference), headset_samples(columns)
     whole = truth.trajectory()
-    moving = whole.between(*active_window(whole))
+    start, end = active_window(whole)
+    # a rest that the suite asked for is part of the motion
+    rests = spans(columns, "hold", truth)
+    moving = whole.between(start, max([end, *rests[:, 1].tolist()]))
     estimate = headset.trajectory()
     around = _behind(headset) - _behind(truth)
     return moving, estimate, estimate_clock(moving, estimate, around_s=around)
