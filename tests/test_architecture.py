@@ -25,9 +25,12 @@ ORDER = (
     *(
         "opening",
         "permission",
+        "forecast",
+        "resuming",
         "course",
         "movers",
         "capture",
+        "steps",
         "runner",
         "importing",
         "scoring",

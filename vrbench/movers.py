@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from vrbench.devices.ports import HeadsetProfile, Occlusion, Operator, Plan, Rob
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import at_speed
 from vrbench.permission import Permission
+from vrbench.recording.interrupt import Interrupt
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,7 @@ class RobotMover:
         profile: of the headset.
         operator: does by hand what must be done.
         permission: to move a real robot; asked for at the start and after every prompt.
+        mount: that the headset is fixed in now.
     """
 
     def __init__(
@@ -69,11 +72,13 @@ class RobotMover:
         profile: HeadsetProfile,
         operator: Operator,
         permission: Permission | None,
+        *,
+        mount: int = 1,
     ) -> None:
         self._motions = {name: suite.motion(name) for name in suite.motions}
         self._robot, self._session, self._profile = robot, session, profile
         self._operator, self._permission = operator, permission
-        self._mount, self._level = 1, UNCOVERED
+        self._mount, self._level = mount, UNCOVERED
 
     def begin(self) -> None:
         """Asks for leave to move."""
@@ -99,8 +104,9 @@ class RobotMover:
         opening = None
         if case.looped:
             opening = self._robot.plan(self._motions[OPENING].trajectory)
-        for _ in self._robot.prepare(opening or plan):
-            pass
+        with Interrupt() as interrupt, closing(self._robot.prepare(opening or plan)) as way:
+            for _ in way:
+                interrupt.check()
         diary = Diary(session.host)
         diary.before("occlusion", **told(self._occlusion(case.occlude)))
         course = Course(

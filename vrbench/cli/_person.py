@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +15,7 @@ from vrbench.errors import ConfigError
 if TYPE_CHECKING:
     from vrbench.config.suite import Step
     from vrbench.devices.ports import Occlusion, Session
+    from vrbench.recording.monitor import Progress
 
 LOOK_S = 0.1
 HOW = {
@@ -57,12 +59,23 @@ class TerminalPerson:
     def take(self, name: str, index: int, total: int) -> None:
         """A take begins; told by `ready`."""
 
-    def moving(self, received: object, done: float) -> None:
+    def moving(self, progress: Progress) -> None:
         """Nothing is shown while a person moves: they read no terminal."""
+
+    def notice(self, text: str) -> None:
+        """Something that they should know later."""
+        click.echo(text, err=True)
 
 
 class TerminalOperator:
-    """Does by hand what the terminal asks for."""
+    """Does by hand what the terminal asks for.
+
+    Args:
+        paused: within it, nothing else writes to the terminal.
+    """
+
+    def __init__(self, paused: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+        self._paused = paused
 
     def remount(self, mount: int) -> None:
         """Waits for Enter.
@@ -70,11 +83,13 @@ class TerminalOperator:
         Raises:
             ConfigError: nobody is there to press it.
         """
-        _asked(f"Fix the headset anew, the {mount}. time.")
+        with self._paused():
+            _asked(f"Fix the headset anew, the {mount}. time.")
 
     def cover(self, occlusion: Occlusion) -> None:
         """Waits for Enter; raises as `remount`."""
-        _asked(f"{_covering(occlusion)}.")
+        with self._paused():
+            _asked(f"{_covering(occlusion)}.")
 
     def recentre(self) -> None:
         """Says it, and waits for nothing: the robot may be moving."""

@@ -26,7 +26,7 @@ class RealClock:
         time.sleep(seconds)
 
     def reading(self) -> Exchanges:
-        """This clock and UTC at one moment, as an exchange whose remote times are UTC."""
+        """The clock and UTC at one moment, as an exchange whose remote times are UTC."""
         sent = self.now()
         utc = time.time_ns()
         stamps = (np.array([t], dtype=np.int64) for t in (sent, utc, utc, self.now()))

@@ -29,7 +29,7 @@ class HostClock(Protocol):
         ...
 
     def reading(self) -> Exchanges | None:
-        """This clock and UTC at one moment, an exchange whose remote times are UTC.
+        """The clock and UTC at one moment, an exchange whose remote times are UTC.
 
         None where time is virtual.
         """
@@ -90,7 +90,10 @@ class Operator(Protocol):
 
 
 class PoseSource(Protocol):
-    """A device that sends poses. Entered, it is connected; left, it is released."""
+    """A device that sends poses. Entered, it is connected; left, it is released.
+
+    It may have `facts() -> Mapping[str, str]` besides: see `facts_of`.
+    """
 
     def __enter__(self) -> Self: ...
 
@@ -112,6 +115,15 @@ class PoseSource(Protocol):
     def stop(self) -> None:
         """Ends what `start` began; what is on its way can still be read."""
         ...
+
+
+def facts_of(source: PoseSource) -> dict[str, str]:
+    """What a headset says of itself and its logger once a take has begun; nothing where it can't.
+
+    Names are `firmware`, `logger_version` and `prediction`: how far ahead poses are, and by whom.
+    """
+    tell: Callable[[], Mapping[str, str]] | None = getattr(source, "facts", None)
+    return {} if tell is None else dict(tell())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,9 +25,7 @@ class DiskFullError(VrbenchError):
 
 def disk_full(place: Path) -> DiskFullError:
     """Says what to do where the disk that `place` is on is full."""
-    return DiskFullError(
-        "the disk is full", file=place, fix="make room, then go on with --resume"
-    )
+    return DiskFullError("the disk is full", file=place, fix="make room, then go on with --resume")
 
 
 class HostWatch:

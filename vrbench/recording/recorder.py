@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from vrbench.devices.ports import HostClock, PoseSource
+from vrbench.devices.ports import HostClock, PoseSource, facts_of
 from vrbench.errors import DeviceError
 from vrbench.recording.guard import DiskWatch, HostWatch, disk_full
 from vrbench.recording.interrupt import Interrupt
@@ -19,6 +19,8 @@ from vrbench.trajectory import NS
 SETTLE_S = 1.0
 # A device from which nothing comes for so long is lost; at a take's end, all should be there.
 SILENT_S, SILENT_AT_END_S = 5.0, 1.0
+# What poses come from, and nothing may be silent.
+DEVICES = ("robot", "mocap", "headset")
 # What moves the headset: whatever happens to it, nothing goes on.
 MOVER = "robot"
 # What the system says where there is no room to write.
@@ -51,19 +53,22 @@ def record_take(
     progress: Callable[[Progress], None],
     *,
     carry_on: bool = False,
+    notice: Callable[[str], None] = lambda _: None,
 ) -> Mapping[str, int]:
     """Records one take while `movement` goes on.
 
     Args:
         path: where the take will be; its stem is the take's name.
         metadata: facts of the take.
-        sources: everything that sends poses, connected; by `robot`, `mocap`, `headset`.
+        sources: everything that sends poses, connected, by `robot`, `mocap`, `headset`; further
+            ones may send events.
         movement: yields the part done, often; moves the robot while it is iterated, and stops it
             when it is closed.
         host: the recorder's clock.
         progress: called after each look at the sources.
         carry_on: whether the movement goes on to its end where a device other than the robot is
             lost. The take has failed all the same.
+        notice: told of what people should know.
 
     Returns:
         poses received, by stream.
@@ -74,7 +79,7 @@ def record_take(
         KeyboardInterrupt: somebody pressed Ctrl-C; the same.
     """
     with _no_room_is_told(path), TakeWriter(path, metadata) as writer:
-        take = _Take(writer, sources, host, progress)
+        take = _Take(writer, sources, host, progress, notice)
         with ExitStack() as running:
             for name, source in sources.items():
                 with _blamed(name):
@@ -103,8 +108,10 @@ class _Take:
         sources: Mapping[str, PoseSource],
         host: HostClock,
         progress: Callable[[Progress], None],
+        notice: Callable[[str], None],
     ) -> None:
-        self._writer, self._host, self._progress = writer, host, progress
+        self._writer, self._host = writer, host
+        self._progress, self._notice = progress, notice
         self._sources = dict(sources)
         self._clock, self._disk = HostWatch(host), DiskWatch(writer.path.parent, host)
         self._heard: dict[str, int] = {}
@@ -117,7 +124,9 @@ class _Take:
         self.monitor = Monitor(self._host.now())
         self._heard = dict.fromkeys(self._sources, self._host.now())
         self._disk.look()
-        self._writer.write(self._clock.look())
+        self._look_at_clock()
+        if "headset" in self._sources:
+            self._writer.tell(facts_of(self._sources["headset"]))
 
     def look(self, done: float, *, carry_on: bool) -> None:
         """Writes what has come since the last look."""
@@ -130,7 +139,7 @@ class _Take:
                     raise
                 self._failure = self._failure or failure
                 del self._sources[name]
-        self._writer.write(self._clock.look())
+        self._look_at_clock()
         self._disk.look()
         self._progress(self.monitor.progress(done, self._host.now()))
 
@@ -157,11 +166,20 @@ class _Take:
         Raises:
             TakeFailedError: a device was lost.
         """
-        self._writer.write(self._clock.look(now=True))
+        self._look_at_clock(now=True)
         for name in self._sources:
             self._check_silence(name, self._ended, SILENT_AT_END_S)
         if self._failure is not None:
             raise self._failure
+
+    def _look_at_clock(self, *, now: bool = False) -> None:
+        columns = self._clock.look(now=now)
+        for event in columns.events:
+            self._notice(
+                f"the host's clock was stepped by {event.detail['seconds']:+.3f} s; "
+                "the take's stamps go on as before"
+            )
+        self._writer.write(columns)
 
     def _read(self, name: str) -> None:
         with _blamed(name):
@@ -174,7 +192,7 @@ class _Take:
 
     def _check_silence(self, name: str, now: int, most_s: float) -> None:
         silent_s = (now - self._heard[name]) / NS
-        if silent_s > most_s:
+        if name in DEVICES and silent_s > most_s:
             raise TakeFailedError(
                 name,
                 DeviceError(
