@@ -107,8 +107,10 @@ def _show_compared(rows: Sequence[Row]) -> None:
         [
             f"{row.case} {row.condition}" + (f" by {row.reference}" if several else ""),
             f"{row.metric} {row.point}",
-            _number(row.value),
-            "" if row.ci_low is None else f"{_number(row.ci_low)} to {_number(row.ci_high)}",
+            number_text(row.value),
+            ""
+            if row.ci_low is None
+            else f"{number_text(row.ci_low)} to {number_text(row.ci_high)}",
             row.unit,
             row.status,
             row.reason,

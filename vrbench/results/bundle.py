@@ -21,11 +21,11 @@ from vrbench.streams import Columns
 
 SCHEMA_VERSION = 1
 RECORD = "run.json"
-# While somebody records: see `vrbench.results.lock`.
-LOCK = "run.lock"
 # More than any run has; what others hand in isn't read beyond it.
 MAX_RECORD_BYTES = 16 << 20
 MAX_TABLE_BYTES = 256 << 20
+# While somebody records: see `vrbench.results.lock`.
+LOCK = "run.lock"
 
 
 class _Record(BaseModel):
@@ -269,6 +269,20 @@ class Bundle:
         replace_text(path, text)
 
 
+def inside(folder: Path, name: str) -> Path:
+    """The path of a file of a bundle.
+
+    Raises:
+        DataError: the name, or a link on the way, leads out of the bundle.
+    """
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise DataError(
+            "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
+        )
+    return path
+
+
 def require_new(folder: Path) -> None:
     """Refuses a folder that a new run can't have.
 
@@ -285,20 +299,6 @@ def require_new(folder: Path) -> None:
             field="-o",
             fix="name a folder that is not; --resume goes on with a run that was interrupted",
         )
-
-
-def inside(folder: Path, name: str) -> Path:
-    """The path of a file of a bundle.
-
-    Raises:
-        DataError: the name, or a link on the way, leads out of the bundle.
-    """
-    path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
-        raise DataError(
-            "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
-        )
-    return path
 
 
 def replace_text(path: Path, text: str) -> None:
