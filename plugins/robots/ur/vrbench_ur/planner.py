@@ -104,7 +104,7 @@ class Planner:
                 path = smooth(task.times(), angles)
                 checks = examine(path, self.cell, self.options, task.rate_hz)
                 tried.append(_Tried(start, int(branch), path, checks))
-        return min(tried, key=lambda x: (bool(x.breaches), x.checks.cost), default=None)
+        return min(tried, key=_Tried.rank, default=None)
 
     def _plan(self, task: Task, tried: _Tried) -> UrPlan:
         path, checks, options = tried.path, tried.checks, self.options
@@ -185,7 +185,9 @@ class Planner:
             place = f"start p_m {list(start.p_m)}, yaw {start.yaw_deg:g} deg"
             shift = tried.path.lead_in_s
             fraction = max(0.0, checks.ok_until_s - shift) / task.times()[-1]
-            what = f"{checks.breaches[0]} ({branch_name(tried.branch)})"
+            # told on the motion's time, not on that of the lead
+            first = checks.breaches[0].earlier(shift)
+            what = f"{first} ({branch_name(tried.branch)})"
             others = sorted({b.check for b in checks.breaches[1:]} - {checks.breaches[0].check})
             what += f"; also {', '.join(others)}" if others else ""
         return PlanError(
@@ -227,3 +229,11 @@ class _Tried:
     @property
     def breaches(self) -> tuple[Breach, ...]:
         return self.checks.breaches
+
+    def rank(self) -> tuple[int, float]:
+        """Least for the best: what can be done, what a stretch may do, what gets farthest."""
+        if not self.breaches:
+            return 0, self.checks.cost
+        if {breach.check for breach in self.breaches} <= DYNAMIC:
+            return 1, self.checks.cost
+        return 2, -self.checks.ok_until_s
