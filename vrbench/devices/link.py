@@ -115,7 +115,7 @@ class Link:
                 self._runs = {run: known}
                 self._clock = DeviceClock()
             self._run = known
-            self._tell(t, "connection", {"state": "open", **facts})
+            self._tell(t, "connection", {**facts, "state": "open"})
             return known.expected
 
     def on_closed(self, t: int, why: str) -> None:
