@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from vrbench.devices.follower import Answer, DeviceClock, exchanges_of
-from vrbench.geometry import Floats, Ints, Transform, quat_normalize
-from vrbench.streams import GOOD, Columns, Event, Flag, Joints, Samples
-from vrbench.trajectory import NS, QUATERNION_TOLERANCE
+from vrbench.geometry import Floats, Ints
+from vrbench.streams import GOOD, Columns, Event, Joints, Samples, believed
+from vrbench.trajectory import NS
 
 # What a frame is: times [ms] on the headset's clock, a pose [m], velocities [m/s, rad/s].
 COLUMNS = (
@@ -373,7 +373,7 @@ class Link:
             return
         rows, epochs = waiting.rows[part][inside], waiting.epochs[part][inside]
         host, pose_t = host[inside], pose_t[inside]
-        pose, flags = _checked(rows, sound[inside])
+        pose, flags = believed(rows[:, P], rows[:, Q], rows[:, FLAGS] * sound[inside])
         self._tell_pauses(host, epochs)
         n = len(rows)
         receive_t = np.full(n, waiting.receive_t)
@@ -407,25 +407,6 @@ class Link:
 def _ns(ms: Floats, origin_ns: int) -> Ints:
     """Times [ns] on the headset's clock since 1970, of milliseconds after its origin."""
     return np.rint(ms * MS).astype(np.int64) + origin_ns
-
-
-def _checked(rows: Floats, sound: Any) -> tuple[Transform, Any]:
-    """Poses (n,), and flags (n,) from which all that can't be believed is taken away.
-
-    What is no pose is written as the identity, with its flags cleared.
-    """
-    p, q = rows[:, P], rows[:, Q]
-    flags = np.where(sound, rows[:, FLAGS], 0.0).astype(np.uint32)
-    places = np.asarray(np.isfinite(p).all(axis=1))
-    with np.errstate(over="ignore", invalid="ignore"):
-        turns = np.asarray(np.abs(np.linalg.norm(q, axis=1) - 1.0) < QUATERNION_TOLERANCE)
-    position = np.uint32(Flag.POSITION_VALID | Flag.POSITION_TRACKED)
-    orientation = np.uint32(Flag.ORIENTATION_VALID | Flag.ORIENTATION_TRACKED)
-    flags &= np.where(places, np.uint32(15), ~position & np.uint32(15))
-    flags &= np.where(turns, np.uint32(15), ~orientation & np.uint32(15))
-    p = np.where(places[:, None], p, 0.0)
-    q = np.where(turns[:, None], q, [0.0, 0.0, 0.0, 1.0])
-    return Transform(p, quat_normalize(q)), flags
 
 
 def _joined(parts: list[Joints]) -> Joints:
