@@ -48,7 +48,8 @@ def read(path: Path, _options: NoOptions) -> Imported:
     _check_calendar(rows[0], lines.numbers[0], path)
     eye = unity_to_openxr(Transform(pose[:, :3], pose[:, 3:]))
     t = (ticks - TICKS_AT_1970) * TICK_NS
-    return imported_poses(t, eye.p, eye.q, file=path, row="line", repairs=(*lines.repairs, *more))
+    row = "line" if lines.numbers[-1] == len(rows) else "pose"
+    return imported_poses(t, eye.p, eye.q, file=path, row=row, repairs=(*lines.repairs, *more))
 
 
 def _with_decimal_points(lines: Lines, path: Path) -> tuple[list[str], tuple[str, ...]]:
