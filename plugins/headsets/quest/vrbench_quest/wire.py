@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vrbench.devices.link import COLUMNS, VELOCITIES
+from vrbench.devices.frames import COLUMNS, VELOCITIES
 from vrbench.geometry import UNITY, Floats, Transform
 
 MAGIC = b"VRBQ"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from vrbench.devices.link import CALLBACK, COLUMNS, EPOCH, FLAGS, NOW
+from vrbench.devices.frames import CALLBACK, COLUMNS, EPOCH, FLAGS, NOW
 from vrbench.geometry import Floats
 
 VERSION = 1
