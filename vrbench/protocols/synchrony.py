@@ -11,6 +11,7 @@ from vrbench.estimation.clock import ClockFit, estimate_clock
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.trim import active_window
 from vrbench.protocols.protocol import headset_samples, reference_samples
+from vrbench.protocols.stretches import spans
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
 
@@ -51,7 +52,10 @@ def synchronised(columns: Columns, reference: str) -> Synchrony:
     """
     truth, headset = reference_samples(columns, reference), headset_samples(columns)
     whole = truth.trajectory()
-    moving = whole.between(*active_window(whole))
+    start, end = active_window(whole)
+    # a rest that the suite asked for is part of the motion
+    rests = spans(columns, "hold", truth)
+    moving = whole.between(start, max([end, *rests[:, 1].tolist()]))
     estimate = headset.trajectory()
     loop_s = loop_duration_s(columns)
     fit = estimate_clock(
