@@ -23,6 +23,8 @@ ANSWER_S, MODELS_S, FRAMES_S, WATCH_S = 2.0, 2.0, 2.0, 1.5
 LOW_M, HIGH_M = 0.2, 2.5
 """How high above the floor a head or the flange of a robot is."""
 CAMERA_LOW_M = 0.5
+RATE_OFF = 0.15
+"""By so much may the rate of a while differ from what the server says."""
 
 
 def check(options: Options, session: Session) -> Iterator[Finding]:
@@ -86,16 +88,26 @@ def _watch(listener: Listener, options: Options) -> Iterator[Finding]:
     if not rows:
         yield Finding(False, "frames have stopped", "is Motive in Live mode?")
         return
-    rate = (len(rows) - 1) / max(1e-9, (rows[-1].arrival - rows[0].arrival) / 1e9)
-    part = 100.0 * lost / (lost + len(rows))
-    yield Finding(
-        part < 1.0,
-        f"{rate:.0f} frames a second, {part:.1f} % lost",
-        "" if part < 1.0 else "a cable instead of Wi-Fi, a lower rate, or unicast",
-    )
+    yield _rate(rows, lost, talk.rate_hz)
     yield _tracking(rows, options)
     yield from _clock(talk, rows)
     yield _up(talk, rows, newest, options)
+
+
+def _rate(rows: list[Row], lost: int, said_hz: float | None) -> Finding:
+    """Whether frames come as often as Motive says, and all of them."""
+    rate = (len(rows) - 1) / max(1e-9, (rows[-1].arrival - rows[0].arrival) / 1e9)
+    part = 100.0 * lost / (lost + len(rows))
+    what = f"{rate:.0f} frames a second, {part:.1f} % lost"
+    if part >= 1.0:
+        return Finding(False, what, "a cable instead of Wi-Fi, a lower rate, or unicast")
+    if said_hz is not None and abs(rate / said_hz - 1.0) > RATE_OFF:
+        return Finding(
+            False,
+            f"{what}, though Motive says {said_hz:g}",
+            "do all cameras keep up (Motive's status bar)? Is the rate of streaming another one?",
+        )
+    return Finding(True, what)
 
 
 def _tracking(rows: list[Row], options: Options) -> Finding:
@@ -208,11 +220,7 @@ def _greeting(talk: Conversation) -> str:
     server = talk.server
     if server is None:
         return ""
-    way = (
-        f"multicast to {server.group}"
-        if talk.multicast and server.group
-        else ("multicast" if talk.multicast else "unicast")
-    )
+    way = f"multicast to {server.group}" if talk.multicast and server.group else talk.way
     clock = f", clock {server.frequency / 1e6:g} MHz" if server.frequency else ""
     later = "; later than 4.2, read by the sizes it gives" if server.version > NEWEST else ""
     application = version_text(server.application_version)

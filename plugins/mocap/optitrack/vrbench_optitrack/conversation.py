@@ -7,8 +7,11 @@ silence begin it anew.
 
 from __future__ import annotations
 
+import struct
 from collections import deque
 from typing import NamedTuple
+
+import numpy as np
 
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.trajectory import NS
@@ -48,6 +51,12 @@ Address = tuple[str, int]
 ROWS = 60_000
 """Frames that are held for `read`: a minute at 1000 Hz; older ones are dropped, and counted."""
 RETRY_NS = NS // 2
+HOLD_NS = NS
+"""A frame waits so long at most for an answer that says its clock hasn't stepped."""
+IN_FLIGHT_NS = NS // 10
+"""A frame that comes so soon after a clock has stepped may have been taken before."""
+MODEL_TYPES = struct.pack("<i", 0x03)
+"""Marker sets and bodies: a Motive 3.1 in the field answered none but requests that say so."""
 TRIES = 3
 KEEPALIVE_NS = NS
 QUICK_ECHO_NS = NS // 10
@@ -64,6 +73,8 @@ class Row(NamedTuple):
         stamps: mid-exposure, data received, transmit [ticks]; 0 where not known.
         body: the wanted body; None where it isn't in the frame.
         valid: whether it is tracked.
+        clock: what its stamps are of; None before any answer.
+        sure: whether they are: not where that clock may have stepped by then.
     """
 
     arrival: int
@@ -71,6 +82,8 @@ class Row(NamedTuple):
     stamps: tuple[int, int, int]
     body: BodyRow | None
     valid: bool
+    clock: TickClock | None
+    sure: bool
 
 
 class Told(NamedTuple):
@@ -88,8 +101,9 @@ class Conversation:
         server: SERVERINFO; None before it came.
         version: the bitstream's; None before it is settled.
         unit_mm: of lengths in the stream [mm].
+        rate_hz: frames a second as the server says; None where it doesn't.
         models: model definitions; None before they came.
-        clock: of the server; None before NatNet 3.
+        clock: of the server, another after each step of it; None before NatNet 3.
         rows: frames, newest last.
         echoes: answered clock requests.
         told: what happened.
@@ -107,6 +121,7 @@ class Conversation:
         self.server: ServerInfo | None = None
         self.version: Version | None = None
         self.unit_mm = 1000.0
+        self.rate_hz: float | None = None
         self.models: list[Model] | None = None
         self.clock: TickClock | None = None
         self.rows: deque[Row] = deque(maxlen=ROWS)
@@ -128,8 +143,9 @@ class Conversation:
         self._questions: deque[str] = deque()
         self._asked: str | None = None
         self._asked_at = self._tries = 0
-        self._next_models = 0
+        self._next_models = self._models_asked = 0
         self._want_models = False
+        self._doubt_until = 0
 
     @property
     def body(self) -> BodyModel | None:
@@ -177,12 +193,14 @@ class Conversation:
             self._next_greeting = now + RETRY_NS
         if self.server is None:
             return out
-        if not self.multicast and now >= self._next_keepalive:
+        if self.way != "multicast" and now >= self._next_keepalive:
             out.append(packed(Message.KEEPALIVE))
             self._next_keepalive = now + KEEPALIVE_NS
         out += self._question(now)
         if self._want_models and not self._questions and now >= self._next_models:
-            out.append(packed(Message.REQUEST_MODELDEF))
+            types = MODEL_TYPES if self._models_asked % 2 else b""
+            out.append(packed(Message.REQUEST_MODELDEF, types))
+            self._models_asked += 1
             self._next_models = now + RETRY_NS
         if self.clock is not None and now >= self._next_echo:
             out.append(encode_echo_request(now))
@@ -260,7 +278,7 @@ class Conversation:
         if self._options.connection == "auto":
             self.multicast = info.multicast is not False
         if info.frequency and (self.clock is None or self.clock.frequency != info.frequency):
-            self.clock = TickClock(info.frequency)
+            self._clock_anew(info.frequency, now)
         self._questions = deque()
         unicast4 = not self.multicast and info.version >= (4, 0)
         wanted = self._options.wanted or (NEWEST if info.version > NEWEST else None)
@@ -268,9 +286,9 @@ class Conversation:
             self._questions.append(f"Bitstream,{version_text(wanted)}")
         if unicast4:
             self._questions.append("Bitstream")
-        self._questions.append("UnitsToMillimeters")
+        self._questions += ["UnitsToMillimeters", "FrameRate"]
         self._asked, self._tries = None, 0
-        self._want_models, self._next_models = True, 0
+        self._want_models, self._next_models, self._models_asked = True, 0, 0
         if news:
             self.told.append(Told(now, "server", self.described()))
 
@@ -284,8 +302,16 @@ class Conversation:
             "application_version": version_text(self.server.application_version),
             "natnet": version_text(self.version or self.server.version),
             "frequency_hz": self.server.frequency,
-            "multicast": self.multicast,
+            "way": self.way,
         }
+
+    @property
+    def way(self) -> str:
+        """`unicast` or `multicast`; before NatNet 3 a server doesn't say, and both are heard."""
+        unsaid = self.server is not None and self.server.multicast is None
+        if unsaid and self._options.connection == "auto":
+            return "unicast or multicast"
+        return "multicast" if self.multicast else "unicast"
 
     def _answered(self, packet: bytes | None) -> None:
         """The answer to the question asked, or None for none."""
@@ -302,10 +328,16 @@ class Conversation:
             unit = decode_number(packet)
             if 0 < unit < 1e6:
                 self.unit_mm = unit
+        elif question == "FrameRate":
+            rate = decode_number(packet)
+            self.rate_hz = rate if 0 < rate < 1e6 else None
 
     def _defined(self, models: list[Model], now: int) -> None:
+        news = models != self.models
         self.models, self._want_models = models, False
         body = self.body
+        if not news:
+            return
         self._body_id = None if body is None else body.id
         detail: dict[str, object] = {"names": [b.name for b in bodies_of(models)]}
         self.told.append(Told(now, "models", detail))
@@ -314,8 +346,34 @@ class Conversation:
         if self.clock is None:
             return
         self.echoes.append(echo)
-        if not self.clock.add(echo):
-            self.told.append(Told(now, "clock-step", {"clock": "optitrack"}))
+        if self.clock.add(echo):
+            return
+        there = int(self.clock.to_host(np.array([echo[1]]))[0])
+        by = (there - (echo[0] + echo[2]) // 2) / NS
+        self.told.append(Told(now, "clock-step", {"clock": "optitrack", "by_s": round(by, 6)}))
+        self._clock_anew(self.clock.frequency, now).add(echo)
+
+    def _clock_anew(self, frequency: int, now: int) -> TickClock:
+        """A clock that nothing is known of; frames since the old one's last answer are in doubt."""
+        if self.clock is not None:
+            doubted = []
+            while self.rows and self.rows[-1].arrival > self.clock.heard:
+                doubted.append(self.rows.pop()._replace(sure=False))
+            self.rows.extend(reversed(doubted))
+            self._doubt_until = now + IN_FLIGHT_NS
+        self.clock = TickClock(frequency)
+        return self.clock
+
+    def settled_rows(self, now: int) -> list[Row]:
+        """Takes out the frames whose times can be told, oldest first.
+
+        A frame waits for an answer that shows that the clock hasn't stepped before it came: where
+        it has, nobody could tell by which of the two clocks the frame is stamped.
+        """
+        out = []
+        while self.rows and (not self.collecting or _is_settled(self.rows[0], now)):
+            out.append(self.rows.popleft())
+        return out
 
     def _frame(self, packet: bytes, sender: Address, now: int) -> None:
         if sender != self._sender:
@@ -366,8 +424,15 @@ class Conversation:
             valid = last is None or last.body is None or last.body[1:8] != body[1:8]
         else:
             valid = bool(body[9] & VALID)
-        row = Row(now, number, stamps, body, valid)
+        clock = self.clock if self.clock else None
+        row = Row(now, number, stamps, body, valid, clock, now >= self._doubt_until)
         self._last_row = row
         if self.collecting:
             self.overflown += len(self.rows) == ROWS
             self.rows.append(row)
+
+
+def _is_settled(row: Row, now: int) -> bool:
+    if row.clock is None or not row.sure or not any(row.stamps):
+        return True
+    return row.arrival <= row.clock.heard or now - row.arrival > HOLD_NS
