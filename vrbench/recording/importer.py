@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+from vrbench.geometry import Floats
 from vrbench.streams import Samples
 
 
@@ -25,10 +26,13 @@ class Imported:
     Attributes:
         samples: its poses, in vrbench's conventions.
         repairs: what was mended or left out, a sentence each; kept in the take and shown.
+        markers: where the body's markers sit, from its pivot (k, 3) [m], y up; None where the file
+            doesn't say. A calibration made with others isn't used for the take.
     """
 
     samples: Samples
     repairs: tuple[str, ...] = ()
+    markers: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
