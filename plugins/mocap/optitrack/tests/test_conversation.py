@@ -5,7 +5,7 @@ import struct
 import pytest
 from vrbench_optitrack.conversation import ROWS, Conversation
 from vrbench_optitrack.encode import encode_frame, encode_models
-from vrbench_optitrack.frames import UNSAID, Frame, RigidBody, Suffix
+from vrbench_optitrack.frame import UNSAID, Frame, RigidBody, Suffix
 from vrbench_optitrack.models import BodyModel, MarkerSetModel
 from vrbench_optitrack.options import Options
 from vrbench_optitrack.wire import (

@@ -8,7 +8,7 @@ import pytest
 from vrbench_optitrack import check, client
 from vrbench_optitrack.client import OPTITRACK, OptiTrack, topic_name
 from vrbench_optitrack.encode import encode_frame
-from vrbench_optitrack.frames import Frame, RigidBody, Suffix
+from vrbench_optitrack.frame import Frame, RigidBody, Suffix
 from vrbench_optitrack.link import discover
 from vrbench_optitrack.scene import MARKERS, Scene
 

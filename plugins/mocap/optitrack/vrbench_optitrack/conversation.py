@@ -15,15 +15,9 @@ import numpy as np
 
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.trajectory import NS
+from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.clock import Echo, TickClock
-from vrbench_optitrack.frames import (
-    BITSTREAM_CHANGED,
-    MODELS_CHANGED,
-    UNSAID,
-    VALID,
-    BodyRow,
-    decode_bodies,
-)
+from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED, UNSAID, VALID, BodyRow
 from vrbench_optitrack.models import BodyModel, Model, bodies_of, decode_models
 from vrbench_optitrack.options import Options
 from vrbench_optitrack.wire import (

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from vrbench_optitrack.encode import encode_frame, encode_models
-from vrbench_optitrack.frames import BITSTREAM_CHANGED, MODELS_CHANGED, Frame, Suffix
+from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED, Frame, Suffix
 from vrbench_optitrack.scene import Scene
 from vrbench_optitrack.wire import (
     MAX_PACKET,
