@@ -96,7 +96,7 @@ def test_rig_check_says_what_is_there_and_what_is_wrong(motive, tmp_path):
     [
         ("--host", "192.0.2.1", "'192.0.2.1' isn't a loopback address"),
         ("--group", "1.2.3.4", "'1.2.3.4' isn't a multicast address"),
-        ("--version", "4.3", "'4.3' isn't a version of NatNet from 2.9 to 4.2"),
+        ("--version", "4.3", "'4.3' isn't a version of NatNet from 2.5 to 4.2"),
         ("--motion", "nosuch", "'nosuch' is not one of"),
         ("--frequency", "0", "0 is not in the range"),
         ("--unit-mm", "0", "0.0 is not in the range"),

@@ -18,9 +18,8 @@ import click
 from vrbench.motion.generators import GENERATORS
 from vrbench_optitrack.scene import Scene
 from vrbench_optitrack.server import Faults, Server, ServerClock, parse_version
-from vrbench_optitrack.wire import COMMAND_PORT, DATA_PORT, GROUP, NEWEST, Version
+from vrbench_optitrack.wire import COMMAND_PORT, DATA_PORT, GROUP, NEWEST, OLDEST, Version
 
-OLDEST: Version = (2, 9)
 PORT = click.IntRange(0, 65535)
 NOT_NEGATIVE, POSITIVE = click.FloatRange(0.0), click.FloatRange(0.0, min_open=True)
 
@@ -29,7 +28,7 @@ def version(text: str) -> Version:
     """The version that an option names."""
     found = parse_version(text)
     if found is None or not OLDEST <= found <= NEWEST:
-        raise click.BadParameter(f"{text!r} isn't a version of NatNet from 2.9 to 4.2")
+        raise click.BadParameter(f"{text!r} isn't a version of NatNet from 2.5 to 4.2")
     return found
 
 
@@ -56,7 +55,7 @@ def group(text: str) -> str:
 
 
 @click.command(context_settings={"show_default": True})
-@click.option("--version", type=version, default="4.1", help="Of NatNet, 2.9 to 4.2.")
+@click.option("--version", type=version, default="4.1", help="Of NatNet, 2.5 to 4.2.")
 @click.option("--rate", default=240.0, type=click.FloatRange(1, 2000), help="Frames a second.")
 @click.option("--multicast/--unicast", default=False, help="To a group, or to each client.")
 @click.option("--host", type=loopback, default="127.0.0.1", help="Loopback address to bind.")
