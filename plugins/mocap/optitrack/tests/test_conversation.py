@@ -3,11 +3,12 @@
 import struct
 
 import pytest
-from vrbench_optitrack.conversation import ROWS, Conversation
+from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frame import UNSAID, Frame, RigidBody, Suffix
 from vrbench_optitrack.models import BodyModel, MarkerSetModel
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import ROWS
 from vrbench_optitrack.wire import (
     Message,
     ServerInfo,
@@ -144,7 +145,7 @@ def test_a_frame_that_comes_twice_counts_once_and_missing_ones_are_told(talk):
     for index in (1, 1, 2, 5, 6, 1):
         talk.incoming(frame(index), FRAMES, S + index)
     assert [row.number for row in talk.rows] == [1, 2, 5, 6, 1]
-    assert talk.lost == 2
+    assert talk.rows.lost == 2
     assert [told.detail["frames"] for told in talk.told if told.kind == "gap"] == [2]
 
 
@@ -193,9 +194,9 @@ def test_frames_wait_for_an_answer_that_says_their_clock_has_not_stepped(talk):
     settle(talk)
     echo(talk, S, 1_000)
     talk.incoming(frame(1), FRAMES, 2 * S)
-    assert talk.settled_rows(2 * S) == []
+    assert talk.rows.settled(2 * S) == []
     echo(talk, 2 * S + 1, 1_000 + 10_000_000)
-    (row,) = talk.settled_rows(2 * S + 200_000)
+    (row,) = talk.rows.settled(2 * S + 200_000)
     assert (row.number, row.sure, row.clock) == (1, True, talk.clock)
 
 
@@ -203,10 +204,10 @@ def test_frames_do_not_wait_longer_than_a_second_or_past_the_end_of_a_take(talk)
     settle(talk)
     echo(talk, S, 1_000)
     talk.incoming(frame(1), FRAMES, 2 * S)
-    assert [row.number for row in talk.settled_rows(3 * S + 1)] == [1]
+    assert [row.number for row in talk.rows.settled(3 * S + 1)] == [1]
     talk.incoming(frame(2), FRAMES, 4 * S)
-    talk.collecting = False
-    assert [row.number for row in talk.settled_rows(4 * S)] == [2]
+    talk.rows.collecting = False
+    assert [row.number for row in talk.rows.settled(4 * S)] == [2]
 
 
 @pytest.mark.parametrize("step_ms", [-3600_000, -5, 5, 2500])
@@ -222,7 +223,7 @@ def test_frames_between_two_answers_that_disagree_are_in_doubt(talk, step_ms):
     talk.incoming(frame(3), FRAMES, 5 * S + S // 3)
     talk.incoming(frame(4), FRAMES, 5 * S + S // 2)
     echo(talk, 6 * S, start + 60_000_000 + step_ms * 10_000)
-    rows = talk.settled_rows(6 * S + 200_000)
+    rows = talk.rows.settled(6 * S + 200_000)
     assert [row.sure for row in rows] == [True, False, False, False, True]
     assert [row.clock is old for row in rows] == [True] * 3 + [False] * 2
     (step,) = [told for told in talk.told if told.kind == "clock-step"]
@@ -304,10 +305,12 @@ def test_a_server_that_is_too_old_is_told(talk):
 
 def test_rows_that_nobody_reads_are_bounded_and_counted(talk):
     settle(talk)
+    packet = bytearray(frame(0))
     for index in range(ROWS + 10):
-        talk.incoming(frame(index), FRAMES, index)
+        struct.pack_into("<i", packet, 4, index)
+        talk.incoming(bytes(packet), FRAMES, index)
     assert len(talk.rows) == ROWS
-    assert talk.overflown == 10
+    assert talk.rows.overflown == 10
 
 
 @pytest.mark.parametrize(

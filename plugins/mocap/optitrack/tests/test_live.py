@@ -129,6 +129,22 @@ def test_a_body_that_is_lost_is_invalid_and_not_a_frozen_pose(
     assert np.all(np.linalg.norm(np.diff(good, axis=0), axis=1) > 0)
 
 
+@pytest.mark.parametrize("by_s", [0.005, -1000.0])
+def test_no_good_pose_has_a_time_of_a_clock_that_has_stepped(motive, session, options, by_s):
+    server = motive("--rate", 250, "--step-after", 1.5, "--step-by", by_s)
+    with OptiTrack(options(server), session) as source:
+        time.sleep(max(0.0, server.first_frame_ns / 1e9 + 1.2 - time.monotonic()))
+        parts = record(source, 1.0)
+    samples = samples_of(parts)
+    (step,) = events_of(parts, "clock-step")
+    assert step.detail["by_s"] == pytest.approx(by_s, abs=0.002)
+    good = samples[samples.good]
+    away = np.linalg.norm(good.pose.p - true_head(server, good.pose_t).p, axis=1)
+    assert away.max() < 1e-3
+    assert 0 < np.count_nonzero(~samples.good) < len(samples) / 2
+    np.testing.assert_array_equal(samples.pose_t[~samples.good], samples.receive_t[~samples.good])
+
+
 def test_frames_that_never_come_are_counted(motive, session, options):
     server = motive("--drop", 0.2, "--rate", 500)
     with OptiTrack(options(server), session) as source:

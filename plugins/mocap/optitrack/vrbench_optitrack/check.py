@@ -11,12 +11,13 @@ from vrbench.devices.ports import Finding, Session
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.geometry import Floats
 from vrbench_optitrack.axes import Up, to_y_up
-from vrbench_optitrack.conversation import Conversation, Row
+from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.link import discover
 from vrbench_optitrack.listener import Listener
 from vrbench_optitrack.models import CameraModel, bodies_of
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Row
 from vrbench_optitrack.wire import NEWEST, OLDEST, NatNetError, version_text
 
 ANSWER_S, MODELS_S, FRAMES_S, WATCH_S = 2.0, 2.0, 2.0, 1.5
@@ -81,10 +82,10 @@ def _watch(listener: Listener, options: Options) -> Iterator[Finding]:
     talk = listener.talk
     with listener.lock:
         talk.rows.clear()
-        talk.lost = 0
+        talk.rows.lost = 0
     time.sleep(WATCH_S)
     with listener.lock:
-        rows, lost, newest = list(talk.rows), talk.lost, talk.newest
+        rows, lost, newest = list(talk.rows), talk.rows.lost, talk.newest
     if not rows:
         yield Finding(False, "frames have stopped", "is Motive in Live mode?")
         return

@@ -17,10 +17,11 @@ from vrbench.trajectory import NS, QUATERNION_TOLERANCE
 from vrbench_optitrack.axes import pose_to_y_up, to_y_up
 from vrbench_optitrack.check import check, no_answer, no_body, no_frames
 from vrbench_optitrack.clock import exchanges_of, ticks_to_ns
-from vrbench_optitrack.conversation import Conversation, Row
+from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.listener import Listener
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Row
 
 ANSWER_S, FRAMES_S, MODELS_S = 2.0, 3.0, 3.0
 SOURCES = ("mid-exposure", "data-received", "transmit", "arrival")
@@ -85,7 +86,7 @@ class OptiTrack:
         with self._listener.lock:
             talk.rows.clear()
             talk.told.clear()
-            talk.overflown, talk.collecting = 0, True
+            talk.rows.overflown, talk.rows.collecting = 0, True
             now = self._session.host.now()
             self._events = [Event(now, "server", {**talk.described(), "clock": "optitrack"})]
             self._source = self._shape = None
@@ -106,16 +107,16 @@ class OptiTrack:
             if not self._started:
                 return Columns({})
             now = self._session.host.now()
-            rows, echoes = talk.settled_rows(now), list(talk.echoes)
+            rows, echoes = talk.rows.settled(now), list(talk.echoes)
             talk.echoes.clear()
             self._events += [Event(*told) for told in talk.told]
             talk.told.clear()
             failure = listener.failure or talk.failure(now)
             self._tell_shape(talk)
-            if talk.overflown:
-                lost = {"stream": "mocap", "frames": talk.overflown, "why": "read too late"}
+            if talk.rows.overflown:
+                lost = {"stream": "mocap", "frames": talk.rows.overflown, "why": "read too late"}
                 self._events.append(Event(now, "gap", lost))
-                talk.overflown = 0
+                talk.rows.overflown = 0
             # under the lock: the other thread takes echoes into the clocks that map the rows
             poses = {self._stream: self._samples(rows, talk.unit_mm)} if rows else {}
             clocks = {}
@@ -129,7 +130,7 @@ class OptiTrack:
     def stop(self) -> None:
         """Ends a take: what came up to now can still be read."""
         with self._listener.lock:
-            self._listener.talk.collecting = False
+            self._listener.talk.rows.collecting = False
 
     def _samples(self, rows: list[Row], unit_mm: float) -> Samples:
         n = len(rows)

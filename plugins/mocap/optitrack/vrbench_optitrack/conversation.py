@@ -17,9 +17,10 @@ from vrbench.errors import DeviceError, VrbenchError
 from vrbench.trajectory import NS
 from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.clock import Echo, TickClock
-from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED, UNSAID, VALID, BodyRow
+from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED
 from vrbench_optitrack.models import BodyModel, Model, bodies_of, decode_models
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Rows
 from vrbench_optitrack.wire import (
     HEADER,
     NEWEST,
@@ -42,13 +43,8 @@ from vrbench_optitrack.wire import (
 )
 
 Address = tuple[str, int]
-ROWS = 60_000
-"""Frames that are held for `read`: a minute at 1000 Hz; older ones are dropped, and counted."""
 RETRY_NS = NS // 2
-HOLD_NS = NS
-"""A frame waits so long at most for an answer that says its clock hasn't stepped."""
-IN_FLIGHT_NS = NS // 10
-"""A frame that comes so soon after a clock has stepped may have been taken before."""
+ECHOES = 60_000
 MODEL_TYPES = struct.pack("<i", 0x03)
 """Marker sets and bodies: a Motive 3.1 in the field answered none but requests that say so."""
 TRIES = 3
@@ -56,28 +52,6 @@ KEEPALIVE_NS = NS
 QUICK_ECHO_NS = NS // 10
 SILENT_NS = NS
 GREETING = encode_greeting(Greeting("vrbench", (0, 1, 0, 0), (*NEWEST, 0, 0)))
-
-
-class Row(NamedTuple):
-    """A frame, as much of it as counts.
-
-    Attributes:
-        arrival: when it came [ns, host].
-        number: of the frame.
-        stamps: mid-exposure, data received, transmit [ticks]; 0 where not known.
-        body: the wanted body; None where it isn't in the frame.
-        valid: whether it is tracked.
-        clock: what its stamps are of; None before any answer.
-        sure: whether they are: not where that clock may have stepped by then.
-    """
-
-    arrival: int
-    number: int
-    stamps: tuple[int, int, int]
-    body: BodyRow | None
-    valid: bool
-    clock: TickClock | None
-    sure: bool
 
 
 class Told(NamedTuple):
@@ -98,16 +72,13 @@ class Conversation:
         rate_hz: frames a second as the server says; None where it doesn't.
         models: model definitions; None before they came.
         clock: of the server, another after each step of it; None before NatNet 3.
-        rows: frames, newest last.
+        rows: frames that wait to be read.
         echoes: answered clock requests.
         told: what happened.
         packets: frames that came, readable or not.
         unreadable: why the newest unreadable frame is so; None after a readable one.
-        lost: frames whose number never came.
-        overflown: rows that `read` came too late for.
         strangers: packets dropped, for another sender's.
         newest: the newest readable frame, whole.
-        collecting: whether frames become rows.
     """
 
     def __init__(self, options: Options, server: str) -> None:
@@ -118,17 +89,15 @@ class Conversation:
         self.rate_hz: float | None = None
         self.models: list[Model] | None = None
         self.clock: TickClock | None = None
-        self.rows: deque[Row] = deque(maxlen=ROWS)
-        self.echoes: deque[Echo] = deque(maxlen=ROWS)
+        self.rows = Rows()
+        self.echoes: deque[Echo] = deque(maxlen=ECHOES)
         self.told: deque[Told] = deque(maxlen=1000)
-        self.packets = self.lost = self.overflown = self.strangers = 0
+        self.packets = self.strangers = 0
         self.unreadable: str | None = None
         self.newest = b""
-        self.collecting = True
         self.multicast = options.connection == "multicast"
         self._body_id: int | None = None
         self._sender: Address | None = None
-        self._last_row: Row | None = None
         self._packet_at = self._unreadable_since = self._greeting_since = 0
         self._wants_greeting = True
         self._awaits_server = False
@@ -139,7 +108,6 @@ class Conversation:
         self._asked_at = self._tries = 0
         self._next_models = self._models_asked = 0
         self._want_models = False
-        self._doubt_until = 0
 
     @property
     def body(self) -> BodyModel | None:
@@ -350,24 +318,9 @@ class Conversation:
     def _clock_anew(self, frequency: int, now: int) -> TickClock:
         """A clock that nothing is known of; frames since the old one's last answer are in doubt."""
         if self.clock is not None:
-            doubted = []
-            while self.rows and self.rows[-1].arrival > self.clock.heard:
-                doubted.append(self.rows.pop()._replace(sure=False))
-            self.rows.extend(reversed(doubted))
-            self._doubt_until = now + IN_FLIGHT_NS
+            self.rows.doubt(self.clock.heard, now)
         self.clock = TickClock(frequency)
         return self.clock
-
-    def settled_rows(self, now: int) -> list[Row]:
-        """Takes out the frames whose times can be told, oldest first.
-
-        A frame waits for an answer that shows that the clock hasn't stepped before it came: where
-        it has, nobody could tell by which of the two clocks the frame is stamped.
-        """
-        out = []
-        while self.rows and (not self.collecting or _is_settled(self.rows[0], now)):
-            out.append(self.rows.popleft())
-        return out
 
     def _frame(self, packet: bytes, sender: Address, now: int) -> None:
         if sender != self._sender:
@@ -396,37 +349,6 @@ class Conversation:
             self._begin_anew(now)
         if params & MODELS_CHANGED and not self._want_models and now >= self._next_models:
             self._want_models, self._next_models = True, now
-        self._row(frame.number, frame.bodies, frame.suffix[4:7], now)
-
-    def _row(
-        self, number: int, bodies: list[BodyRow], stamps: tuple[int, int, int], now: int
-    ) -> None:
-        last = self._last_row
-        if last is not None:
-            if number == last.number:
-                return
-            # A number that goes back, or far ahead, is a recording that is played again.
-            if 1 < number - last.number < 100_000:
-                self.lost += number - last.number - 1
-                missing = number - last.number - 1
-                self.told.append(Told(now, "gap", {"stream": "mocap", "frames": missing}))
-        body = next((row for row in bodies if row[0] == self._body_id), None)
-        if body is None:
-            valid = False
-        elif body[9] == UNSAID:
-            # 2.5 says nothing of tracking: a pose that repeats to the last bit was held.
-            valid = last is None or last.body is None or last.body[1:8] != body[1:8]
-        else:
-            valid = bool(body[9] & VALID)
-        clock = self.clock if self.clock else None
-        row = Row(now, number, stamps, body, valid, clock, now >= self._doubt_until)
-        self._last_row = row
-        if self.collecting:
-            self.overflown += len(self.rows) == ROWS
-            self.rows.append(row)
-
-
-def _is_settled(row: Row, now: int) -> bool:
-    if row.clock is None or not row.sure or not any(row.stamps):
-        return True
-    return row.arrival <= row.clock.heard or now - row.arrival > HOLD_NS
+        missing = self.rows.take_in(frame, self._body_id, self.clock, now)
+        if missing:
+            self.told.append(Told(now, "gap", {"stream": "mocap", "frames": missing}))

@@ -103,6 +103,8 @@ def group(text: str) -> str:
 @click.option("--new-id-after", type=float, help="Seconds until the body's id changes.")
 @click.option("--switch-after", type=float, help="Seconds until the bitstream changes.")
 @click.option("--switch-to", type=version, help="The version it changes to.")
+@click.option("--step-after", type=float, help="Seconds until the server's clock steps.")
+@click.option("--step-by", default=0.005, help="By so many seconds.")
 @click.option(
     "--timeout", type=POSITIVE, default=5.0, help="Seconds until a silent client is forgotten."
 )
@@ -146,6 +148,8 @@ def main(**given: Any) -> None:
             new_id_after_s=given["new_id_after"],
             switch_after_s=given["switch_after"],
             switch_to=given["switch_to"],
+            step_after_s=given["step_after"],
+            step_s=given["step_by"],
         ),
         seed=given["seed"],
     )

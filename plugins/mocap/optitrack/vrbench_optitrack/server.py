@@ -77,6 +77,8 @@ class Faults:
         new_id_after_s: the body gets another streaming id, and the model list changes.
         switch_after_s: the bitstream changes to `switch_to`.
         switch_to: the version it changes to.
+        step_after_s: the server's clock steps, as where Motive's computer was started anew.
+        step_s: by so much [s].
     """
 
     drop: float = 0.0
@@ -86,6 +88,8 @@ class Faults:
     new_id_after_s: float | None = None
     switch_after_s: float | None = None
     switch_to: Version | None = None
+    step_after_s: float | None = None
+    step_s: float = 0.0
 
 
 @dataclass(slots=True)
@@ -236,8 +240,12 @@ class Server:
             self.version = faults.switch_to or self.version
             for client in self._clients.values():
                 client.version = self.version
-            self.faults = replace(faults, switch_after_s=None, claim=None)
+            self.faults = faults = replace(faults, switch_after_s=None, claim=None)
             self._changed(BITSTREAM_CHANGED)
+        if faults.step_after_s is not None and since >= faults.step_after_s:
+            stepped = self.clock.ticks + round(faults.step_s * self.clock.frequency)
+            self.clock = replace(self.clock, ticks=stepped)
+            self.faults = replace(faults, step_after_s=None)
 
     def _changed(self, bit: int) -> None:
         # Motive raises the bit in a few frames, for one may be lost
