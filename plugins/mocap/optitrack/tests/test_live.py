@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from vrbench_optitrack import check, client
 from vrbench_optitrack.client import OPTITRACK, OptiTrack, topic_name
+from vrbench_optitrack.clock import TickClock
 from vrbench_optitrack.encode import encode_frame
 from vrbench_optitrack.frame import Frame, RigidBody, Suffix
 from vrbench_optitrack.link import discover
+from vrbench_optitrack.rows import Row
 from vrbench_optitrack.scene import MARKERS, Scene
 
 from vrbench.errors import DeviceError
@@ -159,6 +161,7 @@ def test_the_body_is_followed_when_its_streaming_id_changes(motive, session, opt
         source.start("take")
         while time.monotonic_ns() < server.first_frame_ns + 1.7e9:
             time.sleep(0.05)
+        source.stop()
         parts = [source.read()]
     samples = samples_of(parts)
     assert samples.good[-20:].all()
@@ -175,6 +178,7 @@ def test_a_bitstream_that_changes_is_followed_by_a_new_handshake(
         source.start("take")
         while time.monotonic_ns() < server.first_frame_ns + 2.2e9:
             time.sleep(0.05)
+        source.stop()
         parts = [source.read()]
     samples = samples_of(parts)
     assert samples.good[-20:].all()
@@ -219,6 +223,7 @@ def test_frames_of_another_sender_are_dropped(motive, session, options):
             for _ in range(20):
                 other.sendto(fake, ("239.255.42.99", server.data_port))
         time.sleep(0.3)
+        source.stop()
         samples = source.read().poses["mocap/headset"]
     assert np.abs(samples.pose.p).max() < 5.0
 
@@ -260,8 +265,10 @@ def test_a_server_that_falls_silent_is_an_error_and_not_a_hang(motive, session, 
     server = motive()
     with OptiTrack(options(server, silence_s=0.5), session) as source:
         source.start("take")
-        time.sleep(0.2)
-        assert len(source.read().poses["mocap/headset"])
+        end = time.monotonic() + 5.0
+        while not source.read().poses:
+            assert time.monotonic() < end
+            time.sleep(0.02)
         server.stop()
         with pytest.raises(DeviceError, match=r"has sent no frame|no longer answers|can't send"):
             for _ in range(40):
@@ -320,6 +327,19 @@ def test_check_tells_what_is_wrong(motive, session, options, arguments, more, sa
     (finding,) = wrong
     assert says in finding.what
     assert fix in finding.fix
+
+
+@pytest.mark.parametrize(("said_hz", "ok"), [(None, True), (240.0, True), (360.0, False)])
+def test_check_compares_the_rate_with_the_one_that_is_said(said_hz, ok):
+    clock = TickClock(1_000_000)
+    clock.add((0, 0, 100))
+    stamps = [(round(i * 1e6 / 240) + 1, 0, 0) for i in range(100)]
+    # arrivals in two bursts, as on a busy computer
+    rows = [Row(i // 50 * 10**9, i, s, None, True, clock, True) for i, s in enumerate(stamps)]
+    finding = check._rate(rows, 0, said_hz)
+    assert finding.ok == ok
+    assert finding.what.startswith("240 frames a second, 0.0 % lost")
+    assert ("though Motive says 360" in finding.what) == (not ok)
 
 
 @pytest.mark.usefixtures("impatient")

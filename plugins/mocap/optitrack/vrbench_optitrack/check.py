@@ -10,6 +10,7 @@ import numpy as np
 from vrbench.devices.ports import Finding, Session
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.geometry import Floats
+from vrbench.trajectory import NS
 from vrbench_optitrack.axes import Up, to_y_up
 from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.frames import decode_frame
@@ -97,12 +98,16 @@ def _watch(listener: Listener, options: Options) -> Iterator[Finding]:
 
 def _rate(rows: list[Row], lost: int, said_hz: float | None) -> Finding:
     """Whether frames come as often as Motive says, and all of them."""
-    rate = (len(rows) - 1) / max(1e-9, (rows[-1].arrival - rows[0].arrival) / 1e9)
+    clock, first, last = rows[-1].clock, rows[0].stamps[0], rows[-1].stamps[0]
+    # by the cameras' own time: arrivals of so short a while, on a busy computer, say little
+    exposed_s = (last - first) / clock.frequency if clock is not None and 0 < first < last else None
+    seconds = exposed_s or (rows[-1].arrival - rows[0].arrival) / NS
+    rate = (len(rows) - 1) / max(1e-9, seconds)
     part = 100.0 * lost / (lost + len(rows))
     what = f"{rate:.0f} frames a second, {part:.1f} % lost"
     if part >= 1.0:
         return Finding(False, what, "a cable instead of Wi-Fi, a lower rate, or unicast")
-    if said_hz is not None and abs(rate / said_hz - 1.0) > RATE_OFF:
+    if exposed_s and said_hz is not None and abs(rate / said_hz - 1.0) > RATE_OFF:
         return Finding(
             False,
             f"{what}, though Motive says {said_hz:g}",
