@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-
 SECONDS, RATE = click.FloatRange(0.0), click.FloatRange(1.0, 2000.0)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ipaddress
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import click
@@ -66,6 +67,9 @@ def group(text: str) -> str:
 @click.option("--group", type=group, default=GROUP, help="Multicast address.")
 @click.option(
     "--motion", type=click.Choice(sorted(GENERATORS)), default="shooter-1", help="Of the head."
+)
+@click.option(
+    "--stage", type=click.Path(path_type=Path), help="An emulated robot's file: it moves the head."
 )
 @click.option("--begin", type=NOT_NEGATIVE, default=0.0, help="Where in the motion to begin [s].")
 @click.option("--body", default="headset", help="Name of the head's rigid body.")
@@ -153,6 +157,8 @@ def main(**given: Any) -> None:
         ),
         seed=given["seed"],
     )
+    if given["stage"] is not None:
+        server.ride_on(given["stage"])
     try:
         server.open()
         server.run(given["duration"])

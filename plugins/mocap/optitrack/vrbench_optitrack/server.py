@@ -5,15 +5,22 @@ It binds loopback addresses only, and multicast leaves with TTL 0.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import random
 import select
 import socket
 import struct
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from vrbench.devices.emulated import EmulatedBody, StageReader
+from vrbench.geometry import Floats, Transform
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED, Frame, Suffix
 from vrbench_optitrack.scene import Scene
@@ -173,6 +180,18 @@ class Server:
         else:
             self._sockets.append(broadcast)
 
+    def ride_on(self, stage: Path) -> None:
+        """The body is what an emulated robot carries."""
+        body = EmulatedBody(StageReader(stage), self.seed)
+        # late frames are for those who ask for them
+        with contextlib.suppress(OSError):
+            os.nice(-10)
+
+        def carried(seconds: Floats) -> Transform:
+            return body.pose(self._first_ns + np.rint(seconds * NS).astype(np.int64))
+
+        self.scene = replace(self.scene, carried=carried)
+
     def close(self) -> None:
         """Releases the ports."""
         for each in [*self._sockets, *self._listeners]:
@@ -211,6 +230,10 @@ class Server:
             if not (dropped or self.faults.mute):
                 self._send(index, mid)
             index += 1
+            if self.scene.carried is not None:
+                # where a robot was half a second ago is forgotten soon: frames are left out instead
+                late = time.monotonic_ns() - due - NS // 2
+                index += max(0, round(late / period))
 
     def _answer_until(self, due: int) -> None:
         """Answers what comes in until it is time for the next frame."""
