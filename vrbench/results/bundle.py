@@ -8,7 +8,7 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
 
@@ -21,6 +21,11 @@ from vrbench.streams import Columns
 
 SCHEMA_VERSION = 1
 RECORD = "run.json"
+# More than any run has; what others hand in isn't read beyond it.
+MAX_RECORD_BYTES = 16 << 20
+MAX_TABLE_BYTES = 256 << 20
+# While somebody records: see `vrbench.results.lock`.
+LOCK = "run.lock"
 
 
 class _Record(BaseModel):
@@ -30,11 +35,13 @@ class _Record(BaseModel):
 class DeviceRecord(_Record):
     """The headset that was measured, and how its poses were had."""
 
+    UNKNOWN: ClassVar[str] = "unknown"
+
     headset: str
-    firmware: str = "unknown"
-    logger: str = "unknown"
-    logger_version: str = "unknown"
-    prediction: str = "unknown"
+    firmware: str = UNKNOWN
+    logger: str = UNKNOWN
+    logger_version: str = UNKNOWN
+    prediction: str = UNKNOWN
 
 
 class AccuracyRecord(_Record):
@@ -53,24 +60,29 @@ class TakeRecord(_Record):
     condition: str = "default"
     mount: int
     repeat: int
-    role: Literal["calibration", "scored"]
+    role: Literal["calibration", "check", "scored"]
     motion: str
     motion_digest: str
     speed: float = 1.0
     stretch: float = 1.0
     fraction: float = 1.0
     repairs: list[str] = []
+    status: Literal["ok", "failed", "skipped"] = "ok"
+    reason: str = ""
 
     @property
     def name(self) -> str:
-        return Path(self.file).stem
+        """What the take is called; that of one which failed stands in a `.mcap.part`."""
+        return Path(self.file).name.partition(".mcap")[0]
 
 
 class RunRecord(_Record):
     """`run.json`: what was run, with what, and what came of it."""
 
     schema_version: Literal[1] = 1
-    status: Literal["incomplete", "complete"] = "incomplete"
+    # incomplete: interrupted or crashed; failed: a device ended it. Both can be gone on with.
+    status: Literal["incomplete", "failed", "complete"] = "incomplete"
+    reason: str = ""
     kind: Literal["recorded", "simulated", "imported"]
     created: str
     suite: dict[str, Any]
@@ -81,6 +93,9 @@ class RunRecord(_Record):
     references: list[str]
     accuracy: dict[str, AccuracyRecord] = {}
     seed: int | None = None
+    # One hash over the plans that a real robot carries out, and when the run was gone on with.
+    plans: str | None = None
+    resumed: list[str] = []
     licence: str | None = None
     consent: str | None = None
     versions: dict[str, str]
@@ -117,19 +132,16 @@ class Bundle:
         """A new folder, marked incomplete, with the texts `inputs` by file name.
 
         Raises:
-            ConfigError: the folder exists, or can't be made.
+            ConfigError: something is in the folder, or it can't be made.
         """
+        require_new(folder)
         try:
-            folder.mkdir(parents=True, exist_ok=False)
-        except FileExistsError:
-            raise ConfigError(
-                "is there already", file=folder, field="-o", fix="name a folder that is not"
-            ) from None
+            folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
         bundle = cls(folder, record)
         bundle._save()
-        (folder / "takes").mkdir()
+        (folder / "takes").mkdir(exist_ok=True)
         for name, text in inputs.items():
             (folder / name).write_text(text, encoding="utf-8")
             bundle.enter(name)
@@ -141,22 +153,29 @@ class Bundle:
             self.record.files[name] = file_digest(self.folder / name)
         self._save()
 
-    def checked(self, name: str) -> Path:
-        """The path of a file that was entered.
+    def content(self, name: str) -> bytes:
+        """A file that was entered, whole.
 
         Raises:
-            DataError: the file isn't the one that was entered.
+            DataError: no such file, it lies outside the bundle or is beyond `MAX_TABLE_BYTES`, it
+                was never entered, or it isn't the one that was.
         """
-        path = self.folder / name
+        path = inside(self.folder, name)
+        try:
+            size = path.stat().st_size
+            if size > MAX_TABLE_BYTES:
+                raise DataError(
+                    f"{size} bytes", file=path, fix=f"a table has {MAX_TABLE_BYTES} at most"
+                )
+            content = path.read_bytes()
+        except OSError as error:
+            fix = "vrbench evaluate RUN" if isinstance(error, FileNotFoundError) else str(error)
+            raise DataError("is not there", file=path, fix=fix) from None
         known = self.record.files.get(name)
-        if known is not None and path.is_file() and file_digest(path) != known:
-            raise DataError(
-                "was changed since it was written",
-                file=path,
-                field="sha256",
-                fix=f"make it again: {RECORD} says {known[:12]}...",
-            )
-        return path
+        if hashlib.sha256(content).hexdigest() != known:
+            what = "was changed since it was written" if known else f"is not in {RECORD}"
+            raise DataError(what, file=path, field="sha256", fix="vrbench evaluate RUN")
+        return content
 
     @classmethod
     def open(cls, folder: Path) -> Bundle:
@@ -165,12 +184,33 @@ class Bundle:
         Raises:
             ConfigError: no run there, an incomplete one, or one of another schema.
         """
-        path = folder / RECORD
+        bundle = cls.begun(folder)
+        status, why = bundle.record.status, bundle.record.reason
+        if status != "complete":
+            raise ConfigError(
+                f"the run is {status}: {why or 'it was interrupted'}",
+                file=folder,
+                fix="go on with it by --resume, or import it again",
+            )
+        return bundle
+
+    @classmethod
+    def begun(cls, folder: Path) -> Bundle:
+        """A run, complete or not.
+
+        Raises:
+            ConfigError: no run there, or one of another schema.
+        """
+        path = inside(folder, RECORD)
         try:
+            if path.stat().st_size > MAX_RECORD_BYTES:
+                raise ConfigError(
+                    f"{path.stat().st_size} bytes", file=path, fix=f"{MAX_RECORD_BYTES} at most"
+                )
             content = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             raise ConfigError("is not a run", file=folder, fix=f"a folder with {RECORD}") from None
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ConfigError("is not JSON", file=path, fix=str(error)) from None
         if isinstance(content, dict) and content.get("schema_version") != SCHEMA_VERSION:
             raise ConfigError(
@@ -179,22 +219,15 @@ class Bundle:
                 field="schema_version",
                 fix=f"this vrbench reads version {SCHEMA_VERSION}",
             )
-        record = validate(content, RunRecord, path)
-        if record.status != "complete":
-            raise ConfigError(
-                "the run is incomplete: it was interrupted or failed",
-                file=folder,
-                fix="record or import it again",
-            )
-        return cls(folder, record)
+        return cls(folder, validate(content, RunRecord, path))
 
     def take_path(self, name: str) -> Path:
         """Where the take of this name belongs."""
         return self.folder / "takes" / f"{name}.mcap"
 
     def add(self, take: TakeRecord) -> None:
-        """Enters a take that has been written."""
-        self.record.takes.append(take)
+        """Enters a take that has been written; it replaces an earlier one of its name."""
+        self.record.takes = [t for t in self.record.takes if t.name != take.name] + [take]
         self._save()
 
     def columns(self, take: TakeRecord) -> Columns:
@@ -203,7 +236,7 @@ class Bundle:
         Raises:
             DataError: the file is gone, or isn't the one that was recorded.
         """
-        path = self.folder / take.file
+        path = inside(self.folder, take.file)
         if not path.is_file():
             raise DataError("the take is gone", file=path)
         if file_digest(path) != take.sha256:
@@ -223,13 +256,49 @@ class Bundle:
 
     def finish(self) -> None:
         """Marks the run complete."""
-        self.record.status = "complete"
+        self.end("complete")
+
+    def end(self, status: Literal["incomplete", "failed", "complete"], reason: str = "") -> None:
+        """Marks how the run ended."""
+        self.record.status, self.record.reason = status, reason
         self._save()
 
     def _save(self) -> None:
         path = self.folder / RECORD
         text = self.record.model_dump_json(indent=1)
         replace_text(path, text)
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The path of a file of a bundle.
+
+    Raises:
+        DataError: the name, or a link on the way, leads out of the bundle.
+    """
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise DataError(
+            "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
+        )
+    return path
+
+
+def require_new(folder: Path) -> None:
+    """Refuses a folder that a new run can't have.
+
+    Raises:
+        ConfigError: something is there; an empty folder, or one of a run that died before it began,
+            is as good as none.
+    """
+    if folder.exists() and not (
+        folder.is_dir() and {path.name for path in folder.iterdir()} <= {LOCK, f"{RECORD}.part"}
+    ):
+        raise ConfigError(
+            "is there already",
+            file=folder,
+            field="-o",
+            fix="name a folder that is not; --resume goes on with a run that was interrupted",
+        )
 
 
 def replace_text(path: Path, text: str) -> None:

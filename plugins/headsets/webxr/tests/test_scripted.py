@@ -556,7 +556,9 @@ def test_the_recorder_writes_a_take_that_reads_back(headset, page, tmp_path):
             yield done / 5
 
     path = tmp_path / "replay.default.m1.r1.mcap"
-    received = record_take(path, {}, [headset], movement(), headset._host, lambda *_: None)
+    received = record_take(
+        path, {}, {"headset": headset}, movement(), headset._host, lambda *_: None
+    )
     over.set()
     player.join()
     columns = read_take(path)

@@ -7,11 +7,11 @@ import pytest
 from vrbench_optitrack.client import OPTITRACK
 from vrbench_optitrack.scene import Scene
 
-from vrbench.capture import record_capture
 from vrbench.config.rig import Rig
 from vrbench.config.suite import load_suite
 from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
 from vrbench.plugin.manager import Plugins
+from vrbench.runner import record_suite
 from vrbench.streams import Columns, Samples
 
 SCENE = Scene(motion="saturate-30s-1", begin_s=10.0)
@@ -54,8 +54,11 @@ class Hasty:
     def take(self, name, index, total):
         pass
 
-    def moving(self, received, done):
-        self.received = dict(received)
+    def moving(self, progress):
+        self.received = {stream.stream: stream.received for stream in progress.streams}
+
+    def notice(self, text):
+        pass
 
 
 def test_a_capture_on_a_live_rig(motive, tmp_path, monkeypatch):
@@ -73,7 +76,7 @@ def test_a_capture_on_a_live_rig(motive, tmp_path, monkeypatch):
         }
     )
     person = Hasty()
-    bundle = record_capture(
+    bundle = record_suite(
         load_suite("head-capture"),
         rig,
         "lab.yaml",
