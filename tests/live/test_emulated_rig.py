@@ -13,6 +13,8 @@ from vrbench.devices.emulated import EmulatedHead
 from vrbench.recording.take import read_take
 from vrbench.results.tables import read_rows
 
+# An emulated arm that is later than this says nothing true about when it was where.
+LATE_MS = 20.0
 STEPS = ["calibrate.default.m1.r1", "replay.default.m1.r1", "calibrate.default.m1.r2"]
 
 
@@ -32,13 +34,28 @@ def whole(lab):
     return run, code, typed
 
 
-def test_a_suite_runs_from_the_typed_confirmation_to_its_numbers(whole, record_of):
+def test_a_suite_runs_from_the_typed_confirmation_to_its_end(whole, record_of):
     run, code, typed = whole
     assert code == 0, typed.shown[-3000:]
     assert typed.asked == 1
     record = record_of(run)
     assert (record["status"], record["kind"]) == ("complete", "recorded")
     assert [take["status"] for take in record["takes"]] == ["ok"] * 3
+
+
+def late_ms(run) -> float:
+    """By how much the slowest tenth of the robot's packets came too late."""
+    late = []
+    for path in sorted((run / "takes").iterdir()):
+        robot = read_take(path).poses["robot/tcp"]
+        late.append(np.percentile((robot.receive_t - robot.pose_t) / 1e6, 90))
+    return max(late)
+
+
+def test_its_numbers_are_the_errors_that_the_emulated_headset_has(whole):
+    run, _, _ = whole
+    if late_ms(run) > LATE_MS:
+        pytest.skip("this computer is too busy to emulate an arm in real time")
     rows = [r for r in read_rows(run / "metrics" / "vrbench-1.csv") if r.metric.startswith("ape")]
     rows = [r for r in rows if (r.case, r.repeat, r.point) == ("replay", "1", "eye")]
     rows = [r for r in rows if (r.statistic, r.variant, r.segment) == ("rmse", "main", "all")]
@@ -49,8 +66,10 @@ def test_a_suite_runs_from_the_typed_confirmation_to_its_numbers(whole, record_o
         assert found[reference, "ape.rotation.aligned"] < 0.6
 
 
-def test_what_calibration_finds_is_how_the_headset_is_fixed(whole, lab):
+def test_what_calibration_finds_is_how_the_headset_is_fixed(whole):
     run, _, _ = whole
+    if late_ms(run) > LATE_MS:
+        pytest.skip("this computer is too busy to emulate an arm in real time")
     found = json.loads((run / "calibration.json").read_text())["protocols"]["vrbench-1"]
     true = EmulatedHead(None, Mounting().tcp_eye.transform(), 1).x
     for calibration in found["robot"]:
@@ -58,7 +77,7 @@ def test_what_calibration_finds_is_how_the_headset_is_fixed(whole, lab):
         assert 1e3 * np.linalg.norm(off) < 15.0
 
 
-def test_takes_hold_both_references_their_clocks_and_the_host_s(whole, lab):
+def test_takes_hold_both_references_their_clocks_and_the_host_s(whole):
     run, _, _ = whole
     columns = read_take(run / "takes" / f"{STEPS[1]}.mcap")
     assert {"robot/tcp", "robot/target", "mocap/headset", "headset/eye"} == set(columns.poses)
