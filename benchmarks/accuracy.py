@@ -32,7 +32,7 @@ from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.model import PARAMETERS, Model, State
 from vrbench.geometry import Floats, Transform, quat_conjugate, quat_multiply, quat_to_rotvec
 from vrbench.motion.generators import generate
-from vrbench.protocols.calibration import mean_x
+from vrbench.protocols.calibration import mean_skew, mean_x
 from vrbench.protocols.vrbench_1 import calibrate, prepare
 from vrbench.statistics.uncertainty import error_models, error_vectors, intervals
 from vrbench.streams import Columns, Samples
@@ -148,7 +148,7 @@ def outcome(seed: int, white: bool) -> Outcome:
     after = calibrate(rig.record("calibrate.2", generate("saturate-1").trajectory), "robot", "2")
     x, covariance = mean_x([before, after])
     assert covariance is not None
-    scored = prepare(replay, "robot", x)
+    scored = prepare(replay, "robot", x, skew=mean_skew([before, after]))
     off, sigma = float(scored.clock.offset_ns(middle)) / NS - offset, scored.offset_sigma_s
     assert sigma is not None
     found = intervals(

@@ -186,6 +186,8 @@ def _import_take(
         "logger": recordings.device.logger,
         "prediction": recordings.device.prediction,
     }
+    if take.world is not None:
+        metadata["world"] = take.world
     # a person's capture may have no headset
     headset = TAKE_STREAMS["headset"]
     begin = int(poses[headset if headset in poses else next(iter(poses))].receive_t[0])

@@ -8,12 +8,13 @@ from zlib import crc32
 
 import numpy as np
 
+from vrbench.clocks import Skew
 from vrbench.config.suite import Case, Suite
 from vrbench.errors import DataError, EstimationError
 from vrbench.geometry import Floats, Ints, Transform
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
-from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_x
+from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_skew, mean_x
 from vrbench.protocols.fixing import Fixing, fixing_at
 from vrbench.protocols.protocol import (
     HEADSET,
@@ -22,6 +23,7 @@ from vrbench.protocols.protocol import (
     recorded_span,
     reference_samples,
 )
+from vrbench.protocols.sitting import in_sitting
 from vrbench.protocols.stretches import spans, without
 from vrbench.results.bundle import RunRecord, TakeRecord
 from vrbench.results.tables import Member, Row, pool
@@ -147,7 +149,12 @@ def score(
         fixing = fixing_at(list(calibrations.values()), rules.checks, began, bracket_m)
         fixing = fixing.without(take.name)
         x, covariance = _mounting(rules, columns, fixing.best)
-        whole, parts = _prepared(rules, take, columns, x, covariance)
+        skew = mean_skew(fixing.best)
+        whole, parts = _prepared(rules, take, columns, x, covariance, skew)
+        parts = {
+            name: in_sitting(part, fixing.best, began) if isinstance(part, ScoredTake) else part
+            for name, part in parts.items()
+        }
     except (EstimationError, DataError) as error:
         return unscored_take(rules, take, Verdict("failed", str(error)))
     verdict = _verdict(rules, take, (began, ended), whole, fixing, own, failures)
@@ -193,6 +200,7 @@ def _prepared(
     columns: Columns,
     x: Transform | None,
     covariance: Floats | None,
+    skew: Skew | None,
 ) -> tuple[ScoredTake, dict[str, ScoredTake | str]]:
     """The take as a whole, and by epoch: each ready, or why it isn't."""
     case = rules.case(take)
@@ -201,7 +209,7 @@ def _prepared(
     several = len(epochs) > 1
     # No one world spans several epochs, so as a whole such a take has no X to be compared by.
     whole = rules.protocol.prepare(
-        columns, rules.reference, None if several else x, anchor_s=anchor_s
+        columns, rules.reference, None if several else x, anchor_s=anchor_s, skew=skew
     )
     left_out = excluded(rules, take, columns)
     if not several:
@@ -211,7 +219,7 @@ def _prepared(
     for epoch in epochs:
         segment = f"epoch:{epoch}"
         try:
-            part = rules.protocol.prepare(_epoch(columns, epoch), rules.reference, x)
+            part = rules.protocol.prepare(_epoch(columns, epoch), rules.reference, x, skew=skew)
             part = without(part, left_out)
             parts[segment] = replace(part, segment=segment, x_covariance=covariance)
         except EstimationError as error:

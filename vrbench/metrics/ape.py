@@ -66,8 +66,9 @@ def _anchored(take: ScoredTake) -> Iterator[Value]:
 
 
 def _sitting(take: ScoredTake) -> Iterator[Value]:
+    """Y from the calibration before the take: what its world drifted since then is an error."""
     if take.sitting_y is None:
-        raise EstimationError("no world frame of a calibration holds in this take")
+        raise EstimationError(take.no_sitting)
     for compared in under(take, take.sitting_y):
         yield from _errors("sitting", compared)
 

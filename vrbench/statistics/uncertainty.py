@@ -185,8 +185,7 @@ STATISTICS: dict[str, Callable[[ErrorModel, Floats], Floats]] = {
 def offset_interval(take: ScoredTake, offset_ms: float) -> Interval | None:
     """The interval of the clock's offset [ms]; None where it wasn't fitted with X.
 
-    It is the offset's at the moments with most motion: over them the clock's skew has its say, by
-    1 us for each ppm and second (see docs/accuracy.md).
+    It is the offset's in the middle of the take, and takes in how well its skew is known.
     """
     if take.offset_sigma_s is None:
         return None
