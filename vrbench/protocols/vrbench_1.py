@@ -17,6 +17,7 @@ from vrbench.estimation.handeye import (
     solve_world,
 )
 from vrbench.estimation.interpolation import PoseSpline, paired
+from vrbench.estimation.jumps import refuse_jump
 from vrbench.geometry import Floats, Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, thinned
@@ -42,7 +43,7 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
     20 ppm are 2.4 ms in two minutes, which would turn X by 0.006 deg.
 
     Raises:
-        EstimationError: the take doesn't determine X.
+        EstimationError: the take doesn't determine X, or the headset's world changes within it.
         DataError: a stream is missing.
     """
     epochs = headset_samples(columns).epochs
@@ -53,6 +54,7 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
     together = synchronised(columns, reference)
     spline, estimate, clock = together.spline, together.estimate, together.clock_fit.clock
     covered, tcp = paired(spline, estimate, clock)
+    refuse_jump(estimate.t[covered], tcp, estimate.pose[covered])
     start = solve_handeye(tcp, estimate.pose[covered])
     best = fit(
         spline,
