@@ -31,9 +31,12 @@ from vrbench.estimation.fit import fit
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.model import PARAMETERS, Model, State
 from vrbench.geometry import Floats, Transform, quat_conjugate, quat_multiply, quat_to_rotvec
+from vrbench.metrics.rpe import pairs_of
 from vrbench.motion.generators import generate
 from vrbench.protocols.calibration import mean_skew, mean_x
 from vrbench.protocols.vrbench_1 import calibrate, prepare
+from vrbench.statistics.of_scale import scale_intervals
+from vrbench.statistics.relative import relative_models, relative_vectors
 from vrbench.statistics.uncertainty import error_models, error_vectors, intervals
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
@@ -43,9 +46,13 @@ POSITION_M, ROTATION_RAD, TAU_S = 1e-3, float(np.radians(0.1)), 2.0
 SCALE_ERROR, LEAD_S, SKEW_PPM = 0.01, 0.025, 20.0
 NORMAL_95 = 1.959964
 EYE = ("ape.translation.aligned", "eye")
+RELATIVE_S = 1.0
 KEYS = tuple(
-    (f"ape.{kind}.aligned", point)
-    for kind in ("translation", "rotation")
+    (metric, point)
+    for metric in (
+        *("ape.translation.aligned", "ape.rotation.aligned"),
+        *(f"rpe.translation@{RELATIVE_S:g}s", f"rpe.rotation@{RELATIVE_S:g}s"),
+    )
     for point in ("eye", "tcp")
 )
 
@@ -123,8 +130,9 @@ class Outcome:
         x_held: of its components (6,).
         each: errors of X from each calibration (2, 6).
         each_held: of their components (2, 6).
-        intervals: low and high of the rmse, by key (4, 2) [mm, deg].
-        square: mean square of the error with the true X, by key (4,).
+        intervals: low and high of the rmse, by key (8, 2) [mm, deg].
+        square: mean square of the error with the true X, by key (8,).
+        scale_held: of the scale's interval, at the eye and the tcp (2,).
     """
 
     offset_s: float
@@ -135,6 +143,7 @@ class Outcome:
     each_held: np.ndarray
     intervals: Floats
     square: Floats
+    scale_held: np.ndarray
 
 
 def outcome(seed: int, white: bool) -> Outcome:
@@ -151,11 +160,13 @@ def outcome(seed: int, white: bool) -> Outcome:
     scored = prepare(replay, "robot", x, skew=mean_skew([before, after]))
     off, sigma = float(scored.clock.offset_ns(middle)) / NS - offset, scored.offset_sigma_s
     assert sigma is not None
-    found = intervals(
-        [error_models(scored)], [covariance], [("s", "m")], np.random.default_rng(seed)
-    )
+    models = {**error_models(scored), **relative_models(scored)}
+    found = intervals([models], [covariance], [("s", "m")], np.random.default_rng(seed))
+    scales = scale_intervals(scored, covariance).values()
     ends = np.array([[found[*key, "rmse"].low, found[*key, "rmse"].high] for key in KEYS])
-    exact = dict(error_vectors(prepare(replay, "robot", truth)))
+    ideal = prepare(replay, "robot", truth)
+    pairs = pairs_of(ideal, RELATIVE_S)
+    exact = dict([*error_vectors(ideal), *relative_vectors(ideal, pairs, RELATIVE_S)])
     error = difference(x, truth)
     each = np.array([difference(c.x, truth) for c in (before, after)])
     sigmas = np.array([root_diagonal(c.x_covariance) for c in (before, after)])
@@ -168,6 +179,7 @@ def outcome(seed: int, white: bool) -> Outcome:
         each_held=np.abs(each) < NORMAL_95 * sigmas,
         intervals=ends,
         square=np.array([np.mean(np.sum(exact[key] ** 2, axis=1)) for key in KEYS]),
+        scale_held=np.array([s.low <= 1.0 / (1.0 + SCALE_ERROR) <= s.high for s in scales]),
     )
 
 
@@ -274,6 +286,8 @@ def rows(outcomes: Sequence[Outcome], white: bool) -> list[tuple[str, float, str
     held = (ends[..., 0] <= true) & (true <= ends[..., 1])
     for i, (metric, point) in enumerate(KEYS):
         table.append((f"held: rmse of {metric} at the {point}", share(held[:, i]), "%", "92-98"))
+    held = share([o.scale_held for o in outcomes])
+    table.append(("held: scale at the eye and the tcp", held, "%", "92-98"))
     return table
 
 

@@ -29,6 +29,8 @@ from vrbench.results.bundle import RunRecord, TakeRecord
 from vrbench.results.tables import Member, Row, pool
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.floor import floor_values
+from vrbench.statistics.of_scale import scale_intervals
+from vrbench.statistics.relative import relative_models
 from vrbench.statistics.uncertainty import (
     ErrorModel,
     Key,
@@ -165,7 +167,13 @@ def score(
         if isinstance(part, ScoredTake) and part.x is not None:
             if covariance is not None:
                 models = error_models(part)
+                asked = {family.name for family in rules.families}
+                if "rpe" in asked:
+                    models = {**models, **relative_models(part)}
                 found = with_intervals(rules, found, take.name, models, covariance)
+                if "scale" in asked:
+                    ends = scale_intervals(part, covariance)
+                    found = [with_interval(row, ends) for row in found]
             stated = rules.record.accuracy.get(rules.reference)
             floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
             found += [rules.row(take, value, verdict) for value in floor]
