@@ -9,7 +9,7 @@ import click
 
 from vrbench.cli._tables import console, show_table
 from vrbench.results.board import Board, Entry, notes
-from vrbench.results.board_formats import significant
+from vrbench.results.board_formats import one_line, significant
 from vrbench.results.comparison import Comparison
 
 # From this width on there is room for all columns.
@@ -30,7 +30,7 @@ def show_boards(boards: Sequence[Board]) -> None:
         rows = [_cells(entry, wide=wide, change=board.change) for entry in board.entries]
         show_table(f"{board.title}\n{_subtitle(board)}", header, rows)
         for note in notes(board):
-            click.echo(note)
+            click.echo(one_line(note))
         click.echo()
 
 
@@ -61,7 +61,8 @@ def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
         cells += ["" if entry.epochs is None else str(entry.epochs), entry.status]
     if change:
         cells += ["" if entry.cameras is None else "{}/{}".format(*entry.cameras)]
-    return cells
+    # names are other people's words, and some words steer a terminal
+    return [one_line(cell) for cell in cells]
 
 
 def show_comparisons(first: Path, second: Path, found: Sequence[Comparison]) -> None:

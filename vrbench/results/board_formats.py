@@ -192,7 +192,7 @@ def _interval(entry: Entry, to: str) -> str:
 
 
 def _markdown(text: str) -> str:
-    escaped = _MARKDOWN.sub(r"\\\1", _one_line(text))
+    escaped = _MARKDOWN.sub(r"\\\1", one_line(text))
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
@@ -242,10 +242,10 @@ def _latex(text: str) -> str:
     """Text that TeX prints and doesn't obey; letters that plain fonts lack by their number."""
     return "".join(
         _LATEX.get(c, c if c.isascii() or c in _LATIN else f"[U+{ord(c):04X}]")
-        for c in _one_line(text)
+        for c in one_line(text)
     )
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
     """The text without line breaks and without what steers a terminal."""
     return "".join(c if c.isprintable() else " " for c in text)

@@ -178,7 +178,7 @@ def _standing(
     change = is_change(suite, key.condition)
     pooled = {r.statistic: r for r in ranking if _is_pooled(r, takes)}
     if change:
-        changes = [r for r in rows if r.variant == "vs-baseline" and _is_pooled(r, takes)]
+        changes = [r for r in rows if r.variant == "vs-baseline" and r.repeat == "all"]
         row = next((r for r in changes if r.statistic == rank.statistic), None)
     else:
         row = pooled.get(rank.statistic)
@@ -251,7 +251,9 @@ def _judged(
         return worst.status, worst.reason
     if chosen is None or chosen.value is None:
         what = "the change against the baseline" if change else suite.rank.metric
-        return "failed", chosen.reason if chosen else f"{what} was not computed"
+        if chosen is None or chosen.status == "ok":
+            return "failed", f"{what} was not computed"
+        return chosen.status, chosen.reason
     if chosen.status != "ok":
         return chosen.status, chosen.reason
     done = min(take.fraction for take in takes)
