@@ -137,9 +137,9 @@ def _csv_cell(cell: Any) -> str:
         return ""
     if isinstance(cell, float):
         return f"{cell:.10g}"
-    text = str(cell)
+    text = one_line(str(cell))
     # a spreadsheet would carry out a text that begins so
-    return f"'{text}" if text.startswith(tuple("=+-@\t\r")) else text
+    return f"'{text}" if text.startswith(tuple("=+-@")) else text
 
 
 def _ranked_name(board: Board) -> str:
