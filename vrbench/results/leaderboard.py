@@ -159,6 +159,7 @@ def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
         invalid=sum(s.invalid for s in sittings),
         coverage=_known(min, [s.coverage for s in sittings]),
         epochs=None if None in epochs else int(max(e for e in epochs if e is not None)),
+        cameras=first.cameras,
         status=status,
         reason=reason,
         runs=[s.run for s in sittings],
