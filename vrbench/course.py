@@ -99,6 +99,7 @@ class Course:
         self._case, self._plan, self._opening = case, plan, opening
         self._robot, self._host, self._hands = robot, host, hands
         self._occlusion, self._diary = occlusion, diary
+        self._gap_ns = 0
         self._recentres = sorted(cue.at for cue in case.events if cue.at is not None)
 
     def run(self) -> Generator[float]:
@@ -112,9 +113,9 @@ class Course:
         begin, longest, runs = host.now(), 0, 0
         yield from self._by_hand(0, 0.0)
         while True:
-            since = host.now()
             if runs:
-                yield from self._back(self._done(runs, since - begin))
+                yield from self._back(self._done(runs, host.now() - begin))
+            since = host.now()
             runs += 1
             with diary.stretch("loop", number=runs):
                 for part in self._robot.execute(self._plan):
@@ -127,7 +128,8 @@ class Course:
             longest = max(longest, host.now() - since)
             if case.duration is None and runs >= case.loops:
                 return
-            if case.duration is not None and host.now() - begin + longest > case.duration * NS:
+            another = host.now() - begin + self._gap_ns + longest
+            if case.duration is not None and another > case.duration * NS:
                 return
 
     def _done(self, runs: float, elapsed_ns: int) -> float:
@@ -137,9 +139,11 @@ class Course:
 
     def _back(self, done: float) -> Generator[float]:
         """Back to where the motion begins: a gap in what is scored."""
+        since = self._host.now()
         with self._diary.stretch("gap"):
             for _ in self._robot.prepare(self._plan):
                 yield done
+        self._gap_ns = max(self._gap_ns, self._host.now() - since)
 
     def _rest(self, seconds: float, done: float) -> Generator[float]:
         """The robot stands still; sources are read meanwhile."""
