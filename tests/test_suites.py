@@ -11,6 +11,7 @@ import pytest
 from tests.conftest import Quiet, evaluated
 from vrbench.config.rig import load_rig
 from vrbench.config.suite import load_suite
+from vrbench.geometry import Transform, quat_to_rotvec, rotvec_to_quat
 from vrbench.motion.files import Header, write_motion
 from vrbench.motion.generators import generate
 from vrbench.plugin.manager import Plugins
