@@ -16,8 +16,8 @@ from vrbench.trajectory import NS
 
 # Errors are averaged over bins this long: far below the time over which they are correlated.
 BIN_S = 0.1
-# In takes of hours bins are longer, so that a thousand draws of all of them fit into memory.
-MOST_BINS = 6000
+# Longer takes have longer bins, or an hour's replicates would not fit into memory.
+MOST_BINS = 10_000
 STATISTICS: tuple[Statistic, ...] = ("rmse", "mean")
 REPLICATES = 500
 # Step of X for its derivatives [rad, m]; errors are all but linear over much longer ones.
