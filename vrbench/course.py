@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -117,7 +117,7 @@ class Course:
                 yield from self._back(self._done(runs, host.now() - begin))
             since = host.now()
             runs += 1
-            with diary.stretch("loop", number=runs):
+            with diary.stretch("loop", number=runs) if case.looped else nullcontext():
                 for part in self._robot.execute(self._plan):
                     self._recentre(host.now() - begin)
                     yield self._done(runs - 1 + part, host.now() - begin)
