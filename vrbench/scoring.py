@@ -85,6 +85,7 @@ class Scored:
         rows: its rows.
         verdict: how it counts; `failed` where it could not be scored.
         whole: the take made ready, for what only several takes tell together; None if it failed.
+        parts: the same by epoch, `all` where there is one; those that could be made ready.
         models: of its errors, by metric and point; empty where it has no X or several epochs.
         x_covariance: of the X it was scored with.
     """
@@ -93,6 +94,7 @@ class Scored:
     rows: Sequence[Row]
     verdict: Verdict
     whole: ScoredTake | None = None
+    parts: Mapping[str, ScoredTake] = field(default_factory=dict)
     models: Mapping[Key, ErrorModel] = field(default_factory=dict)
     x_covariance: Floats | None = None
 
@@ -140,7 +142,8 @@ def score(
         }
         rows += pool(rows, ("segment",), why)
         models = {}
-    return Scored(take, rows, verdict, whole, models, covariance)
+    ready = {name: part for name, part in parts.items() if isinstance(part, ScoredTake)}
+    return Scored(take, rows, verdict, whole, ready, models, covariance)
 
 
 def _mounting(
