@@ -23,8 +23,15 @@ import click
     help="Of everything random.",
 )
 def command(suite: str, rig: str, output: Path | None, execute: str | None, seed: int) -> None:
-    """Record SUITE on a rig, evaluate it, and print its metrics."""
-    from vrbench.cli._steps import PROTOCOL, evaluate_run, metric_table, record, show_runs
+    """Record SUITE on a rig, evaluate it, print its metrics and write its report."""
+    from vrbench.cli._steps import (
+        PROTOCOL,
+        evaluate_run,
+        metric_table,
+        record,
+        report_run,
+        show_runs,
+    )
     from vrbench.cli._tables import exit_code, show_metrics, show_trouble
 
     bundle = record(suite, rig, output, seed, execute)
@@ -32,4 +39,5 @@ def command(suite: str, rig: str, output: Path | None, execute: str | None, seed
     show_metrics(rows, metric_table(bundle, PROTOCOL))
     show_trouble(rows)
     show_runs([bundle])
+    report_run(bundle, PROTOCOL)
     sys.exit(exit_code(rows))

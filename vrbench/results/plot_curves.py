@@ -217,7 +217,7 @@ def spectrum(t: Ints, error: Floats) -> Spectrum | None:
         part = (part - part.mean(axis=1, keepdims=True)) * window
         power += np.sum(np.abs(np.fft.rfft(part, axis=1)) ** 2, axis=0)
         count += 1
-    hz = np.fft.rfftfreq(size, period_s)[1:]
+    hz: Floats = np.fft.rfftfreq(size, period_s)[1:].astype(np.float64)
     return _log_spaced(hz, scale * power[1:] / count)
 
 
@@ -252,10 +252,11 @@ def _missing(take: ScoredTake) -> list[tuple[float, float]]:
 def _marks(take: ScoredTake) -> list[Mark]:
     """Events within the window that say what became of the headset, and new world frames."""
     start, end = int(take.reference.t[0]), int(take.reference.t[-1])
-    marks: list[Mark] = []
-    for event in take.columns.events:
-        if event.kind not in UNSEEN and start <= event.t <= end:
-            marks.append(Mark(t=round((event.t - start) / NS, 3), kind=event.kind[:100]))
+    marks = [
+        Mark(t=round((event.t - start) / NS, 3), kind=event.kind[:100])
+        for event in take.columns.events
+        if event.kind not in UNSEEN and start <= event.t <= end
+    ]
     epoch = take.samples.epoch.astype(np.int64)
     for k in np.flatnonzero(np.diff(epoch)):
         at = (int(take.samples.pose_t[k + 1]) - start) / NS

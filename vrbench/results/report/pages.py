@@ -71,6 +71,12 @@ def fixed(value: float | None, decimals: int) -> str:
     return "" if value is None else f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
 
 
+def three(value: float) -> str:
+    """A number to three digits, noughts at its end too."""
+    text = f"{value:#.3g}" if 1e-3 <= abs(value) < 1e3 else f"{value:.4g}"
+    return text.rstrip(".").replace("-", "\N{MINUS SIGN}")
+
+
 @cache
 def _environment() -> Environment:
     try:

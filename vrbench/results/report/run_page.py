@@ -15,7 +15,7 @@ from vrbench.results.bundle import Bundle, replace_text
 from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, read_calibrations
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.plot_data import RunCurves, curves_file, read_curves
-from vrbench.results.report.pages import render
+from vrbench.results.report.pages import render, three
 from vrbench.results.tables import STATUSES, Row, read_rows
 
 REPORT = "report.html"
@@ -193,16 +193,17 @@ def _headline(
             named += f" by {reference}" if len(results) > 1 else ""
             row = line.ranked
             if row is None or row.value is None:
-                tiles.append({"name": named, "value": "–", "unit": "", "detail": line.reason})
+                tiles.append({"name": named, "value": "none", "unit": "", "detail": line.reason})
                 continue
             rank = f"{suite.rank.statistic} at the {row.point}" if row.point else row.statistic
             detail = ""
             if row.ci_low is not None and row.ci_high is not None:
-                detail = f"95 %: {row.ci_low:.3g} to {row.ci_high:.3g}, {SCOPES[row.ci_scope]}"
+                detail = f"95 %: {three(row.ci_low)} to {three(row.ci_high)}, "
+                detail += SCOPES.get(row.ci_scope, "")
             tiles.append(
                 {
                     "name": f"{named}: {rank}",
-                    "value": f"{row.value:.3g}",
+                    "value": three(row.value),
                     "unit": row.unit,
                     "detail": detail,
                 }
@@ -217,7 +218,7 @@ def _headline(
                     tiles.append(
                         {
                             "name": f"{named}: {title}",
-                            "value": f"{other.value:.3g}",
+                            "value": three(other.value),
                             "unit": unit,
                             "detail": "",
                         }
@@ -276,8 +277,8 @@ def _metrics(rows: Sequence[Row]) -> list[dict[str, Any]]:
     for row in rows:
         if row.repeat != "all" and (row.reference, row.case, row.condition, row.metric) in pooled:
             continue
-        key = (row.reference, row.case, row.condition, row.mount, row.repeat, row.metric)
-        key += (row.point, row.band, row.segment, row.variant)
+        place = (row.reference, row.case, row.condition, row.mount, row.repeat)
+        key = (*place, row.metric, row.point, row.band, row.segment, row.variant)
         line = lines.setdefault(
             key,
             {
@@ -317,8 +318,8 @@ def _forests(
         charts.append(
             {
                 "title": f"The ranking number by take{several}",
-                "note": "with intervals of 95 %; hollow where the status is not ok",
-                "label": f"{suite.rank.metric}, {suite.rank.statistic} at the {suite.rank.point}",
+                "note": f"{suite.rank.metric}; intervals of 95 %; hollow where not ok",
+                "label": f"{suite.rank.statistic} at the {suite.rank.point}",
                 "unit": unit,
                 "floor": max(floors) if floors and unit == "mm" else None,
                 "rows": [_point(line) for line in shown[:200]],

@@ -74,7 +74,7 @@ class Space {
     const box = xyz.map((column) => extent([column], false));
     const middle = box.map(([lo, hi]) => (lo + hi) / 2);
     const size = Math.hypot(...box.map(([lo, hi]) => hi - lo)) || 1;
-    const scale = (Math.min(width - 70, height - 40) / size) * 1.2;
+    const scale = (Math.min(width - 130, height - 40) / size) * 1.2;
     const [yaw, pitch] = this.turn;
     const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
     const flat = (p) => {
