@@ -25,8 +25,9 @@ ORDER = (
     *(
         "opening",
         "permission",
-        "runner",
+        "movers",
         "capture",
+        "runner",
         "importing",
         "scoring",
         "variants",

@@ -307,3 +307,20 @@ def test_a_take_that_was_changed_is_refused(run: Path) -> None:
     with pytest.raises(Exception, match="was changed after it was recorded"):
         evaluated(Bundle.open(run))
     assert (run / TABLE).read_bytes() == before
+
+
+def test_a_take_that_failed_while_it_was_recorded_is_told_and_not_opened(run):
+    bundle = Bundle.open(run)
+    lost = bundle.record.takes[1]
+    lost.status, lost.reason = "failed", "the headset was lost"
+    (run / lost.file).unlink()
+    rows = [row for row in evaluated(bundle) if row.case == "replay"]
+    own = [row for row in rows if row.repeat == "1"]
+    assert own
+    assert {(row.status, row.reason, row.value) for row in own} == {
+        ("failed", "the headset was lost", None)
+    }
+    other = [r for r in rows if r.repeat == "2" and r.metric == "ape.translation.aligned"]
+    assert {row.status for row in other} == {"ok"}
+    pooled = [r for r in rows if r.mount == "all" and r.metric == "ape.translation.aligned"]
+    assert {row.status for row in pooled} == {"failed"}

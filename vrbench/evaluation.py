@@ -17,7 +17,7 @@ from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.plot_curves import take_curves
 from vrbench.results.plot_data import TakeCurves, bins_for, curves_file, write_curves
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.scoring import Rules, Scored, score, with_interval
+from vrbench.scoring import Rules, Scored, failed_take, score, with_interval
 from vrbench.statistics.uncertainty import intervals
 from vrbench.variants import variant_rows
 
@@ -59,6 +59,11 @@ def evaluate(
         for take in bundle.record.takes:
             tell(take.name, done, total)
             done += 1
+            if take.status == "failed":
+                failed = failed_take(rules, take, take.reason)
+                rows += failed.rows
+                groups[take.case, take.condition].append(failed)
+                continue
             columns = bundle.columns(take)
             own = replace(rules, reference=protocol.reference(columns, reference))
             good, failures = usable(*calibrations[take.mount], body_shapes(columns, reference))
@@ -97,6 +102,9 @@ def calibrated(
         return good, failures, bodies
     for take in bundle.record.takes:
         if take.mount == mount and take.role == "calibration":
+            if take.status == "failed":
+                failures[take.name] = take.reason
+                continue
             columns = bundle.columns(take)
             bodies[take.name] = body_shapes(columns, reference)
             try:

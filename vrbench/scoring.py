@@ -120,9 +120,7 @@ def score(
         x, covariance = _mounting(rules, columns, others)
         whole, parts = _prepared(rules, take, columns, x, covariance)
     except (EstimationError, DataError) as error:
-        failed = Verdict("failed", str(error))
-        rows = [rules.row(take, value, failed) for value in absent_values(rules.families)]
-        return Scored(take, rows, failed)
+        return failed_take(rules, take, str(error))
     verdict = _verdict(rules, take, columns, whole, calibrations, failures)
     rows = list(_own_rows(rules, take, whole))
     models: Mapping[Key, ErrorModel] = {}
@@ -144,6 +142,13 @@ def score(
         models = {}
     ready = {name: part for name, part in parts.items() if isinstance(part, ScoredTake)}
     return Scored(take, rows, verdict, whole, ready, models, covariance)
+
+
+def failed_take(rules: Rules, take: TakeRecord, why: str) -> Scored:
+    """A take without numbers: each of its rows says why."""
+    failed = Verdict("failed", why)
+    rows = [rules.row(take, value, failed) for value in absent_values(rules.families)]
+    return Scored(take, rows, failed)
 
 
 def _mounting(

@@ -72,6 +72,8 @@ class Suite(_Strict):
     metrics: tuple[str, ...] = Field(min_length=1)
     gate: Gate = Gate()
     rank: Rank
+    # what follows where the headset or the motion capture is lost in a take; a robot's loss ends it
+    on_loss: Literal["stop", "continue"] = "stop"
 
     @model_validator(mode="after")
     def _consistent(self) -> Suite:

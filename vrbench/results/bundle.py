@@ -60,6 +60,8 @@ class TakeRecord(_Record):
     stretch: float = 1.0
     fraction: float = 1.0
     repairs: list[str] = []
+    status: Literal["ok", "failed"] = "ok"
+    reason: str = ""
 
     @property
     def name(self) -> str:

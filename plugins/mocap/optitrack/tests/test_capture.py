@@ -7,11 +7,11 @@ import pytest
 from vrbench_optitrack.client import OPTITRACK
 from vrbench_optitrack.scene import Scene
 
-from vrbench.capture import record_capture
 from vrbench.config.rig import Rig
 from vrbench.config.suite import load_suite
 from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
 from vrbench.plugin.manager import Plugins
+from vrbench.runner import record_suite
 from vrbench.streams import Columns, Samples
 
 SCENE = Scene(motion="saturate-30s-1", begin_s=10.0)
@@ -73,7 +73,7 @@ def test_a_capture_on_a_live_rig(motive, tmp_path, monkeypatch):
         }
     )
     person = Hasty()
-    bundle = record_capture(
+    bundle = record_suite(
         load_suite("head-capture"),
         rig,
         "lab.yaml",
