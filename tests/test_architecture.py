@@ -33,6 +33,7 @@ ORDER = (
         "variants",
         "evaluation",
     ),
+    "exporting",
     "extraction",
     "cli",
     "__main__",

@@ -115,10 +115,8 @@ def score(
         calibrations: those of its mount that succeeded, by take; its own is not used to score it.
         failures: why the others didn't.
     """
-    others = [c for name, c in calibrations.items() if name != take.name]
     try:
-        x, covariance = _mounting(rules, columns, others)
-        whole, parts = _prepared(rules, take, columns, x, covariance)
+        whole, parts, covariance = prepared(rules, take, columns, calibrations)
     except (EstimationError, DataError) as error:
         return failed_take(rules, take, str(error))
     verdict = _verdict(rules, take, columns, whole, calibrations, failures)
@@ -149,6 +147,21 @@ def failed_take(rules: Rules, take: TakeRecord, why: str) -> Scored:
     failed = Verdict("failed", why)
     rows = [rules.row(take, value, failed) for value in absent_values(rules.families)]
     return Scored(take, rows, failed)
+
+
+def prepared(
+    rules: Rules, take: TakeRecord, columns: Columns, calibrations: Mapping[str, Calibration]
+) -> tuple[ScoredTake, dict[str, ScoredTake | str], Floats | None]:
+    """A take as it is scored: as a whole, by epoch (ready, or why it isn't), and X's covariance.
+
+    Raises:
+        EstimationError: the streams can't be synchronised.
+        DataError: a stream is missing.
+    """
+    others = [c for name, c in calibrations.items() if name != take.name]
+    x, covariance = _mounting(rules, columns, others)
+    whole, parts = _prepared(rules, take, columns, x, covariance)
+    return whole, parts, covariance
 
 
 def _mounting(

@@ -9,13 +9,14 @@ import numpy as np
 from vrbench.errors import EstimationError
 from vrbench.geometry import Bools, Floats, Ints, Transform
 from vrbench.metrics.ape import at_samples
-from vrbench.metrics.compared import Compared, aligned
+from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.coverage import LATE_PERIODS
 from vrbench.metrics.scored import ScoredTake
 from vrbench.results.bundle import TakeRecord
 from vrbench.results.plot_data import (
     BySpeed,
     ErrorCurves,
+    LoopCurves,
     Mark,
     Packed,
     Spectrum,
@@ -32,6 +33,7 @@ SPECTRUM_POINTS = 120
 # Errors of tracking last for seconds: a segment holds several such, a take several segments.
 SEGMENT_S, LEAST_SEGMENTS = 60.0, 4
 MOST_MARKS = 300
+LOOP_BINS = 200
 # Events that tell of the recording, and not of what the headset did.
 UNSEEN = frozenset({"phase", "body", "server", "pose-time", "utc", "repair", "headset", "loop"})
 
@@ -83,6 +85,7 @@ def take_curves(
         missing=_missing(whole),
         marks=_marks(whole),
         clock=_clock(whole),
+        loops=_loops(whole, scored),
     )
 
 
@@ -135,7 +138,7 @@ def _errors(
     for part in parts:
         try:
             found = {(metric.split(".")[1], point): e for (metric, point), e in error_vectors(part)}
-            eye = next(iter(aligned(part)))
+            eye = next(aligned(part))
         except EstimationError:
             continue  # an epoch too short to be aligned has no errors to draw
         for name, key in NAMES.items():
@@ -273,6 +276,48 @@ def _clock(take: ScoredTake) -> tuple[list[float], list[float]] | None:
     apart_ms = (local - take.clock.offset_ns(t)) / 1e6
     seconds = (take.clock.to_reference(t) - int(take.reference.t[0])) / NS
     return _few(seconds), _few(apart_ms)
+
+
+def _loops(whole: ScoredTake, parts: Sequence[ScoredTake]) -> list[LoopCurves]:
+    """The first and the last whole loop within the window; none where there are fewer than two."""
+    start, end = int(whole.reference.t[0]), int(whole.reference.t[-1])
+    ends: dict[object, dict[object, int]] = {}
+    for event in whole.columns.events:
+        if event.kind == "loop":
+            ends.setdefault(event.detail.get("number"), {})[event.detail.get("at")] = event.t
+    whole_ones = [
+        (number, at["start"], at["end"])
+        for number, at in ends.items()
+        if "start" in at and "end" in at and start <= at["start"] < at["end"] <= end
+    ]
+    if len(whole_ones) < 2:
+        return []
+    curves = []
+    for number, began, ended in (whole_ones[0], whole_ones[-1]):
+        grid = _Grid(began, (ended - began) / NS / LOOP_BINS, LOOP_BINS)
+        found = [_within(part, began, ended) for part in parts]
+        t = np.concatenate([t for t, _ in found]) if found else np.zeros(0, dtype=np.int64)
+        if not len(t):
+            return []
+        error = np.concatenate([e for _, e in found])
+        curves.append(
+            LoopCurves(
+                name=f"loop {number}",
+                duration_s=(ended - began) / NS,
+                axes=[Packed.of(grid.mean(t, axis)) for axis in error.T],
+            )
+        )
+    return curves
+
+
+def _within(part: ScoredTake, began: int, ended: int) -> tuple[Ints, Floats]:
+    """Stamps (n,) and error vectors (n, 3) [mm] of the eye in a stretch of a take."""
+    try:
+        error = MM * next(aligned(part)).translation()
+    except EstimationError:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    inside = (part.estimate.t >= began) & (part.estimate.t <= ended)
+    return part.estimate.t[inside], error[inside]
 
 
 def _few(values: Floats) -> list[float]:
