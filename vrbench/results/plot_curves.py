@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vrbench.errors import EstimationError
-from vrbench.geometry import Bools, Floats, Ints, Transform
+from vrbench.geometry import Floats, Ints, Transform
 from vrbench.metrics.ape import at_samples
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.coverage import LATE_PERIODS
@@ -21,7 +21,9 @@ from vrbench.results.plot_data import (
     Packed,
     Spectrum,
     TakeCurves,
+    few,
 )
+from vrbench.results.spectrum import spectrum
 from vrbench.statistics.uncertainty import error_vectors
 from vrbench.trajectory import NS, Trajectory
 
@@ -29,9 +31,6 @@ from vrbench.trajectory import NS, Trajectory
 BINS_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 QUANTILES = 101
 SPEED_CLASSES = 16
-SPECTRUM_POINTS = 120
-# Errors of tracking last for seconds: a segment holds several such, a take several segments.
-SEGMENT_S, LEAST_SEGMENTS = 60.0, 4
 MOST_MARKS = 300
 LOOP_BINS = 200
 # Events that tell of the recording, and not of what the headset did.
@@ -175,7 +174,7 @@ def _curves(name: str, t: Ints, error: Floats, grid: _Grid) -> ErrorCurves:
         unit="deg" if name == "rotation" else "mm",
         rms=Packed.of(np.sqrt(grid.mean(t, size**2))),
         max=Packed.of(grid.max(t, size)),
-        quantiles=_few(np.quantile(size, np.linspace(0.0, 1.0, QUANTILES))),
+        quantiles=few(np.quantile(size, np.linspace(0.0, 1.0, QUANTILES))),
         axes=None if name == "tcp" else [Packed.of(grid.mean(t, axis)) for axis in error.T],
     )
 
@@ -187,52 +186,10 @@ def _by_speed(speed: Floats, error: Floats) -> BySpeed | None:
     classes = np.array_split(np.argsort(speed, kind="stable"), SPEED_CLASSES)
     quantiles = np.array([np.quantile(error[c], (0.25, 0.5, 0.75, 0.95)) for c in classes])
     return BySpeed(
-        speed=_few(np.array([speed[c].mean() for c in classes])),
-        quartiles=[_few(column) for column in quantiles.T[:3]],
-        p95=_few(quantiles[:, 3]),
+        speed=few(np.array([speed[c].mean() for c in classes])),
+        quartiles=[few(column) for column in quantiles.T[:3]],
+        p95=few(quantiles[:, 3]),
     )
-
-
-def spectrum(t: Ints, error: Floats) -> Spectrum | None:
-    """Amplitude spectral density of an error vector, by Welch's method.
-
-    Hann windows that overlap by half, over the samples interpolated to an even rate; the power of
-    the axes is added. None for a take too short for it.
-
-    Args:
-        t: stamps (n,) [ns].
-        error: error vectors (n, 3) [mm].
-    """
-    if len(t) < 2:
-        return None
-    period_s = float(np.median(np.diff(t))) / NS
-    seconds = (t - t[0]) / NS
-    even = np.arange(0.0, seconds[-1], period_s)
-    size = int(min(SEGMENT_S, seconds[-1] / LEAST_SEGMENTS) / period_s)
-    if size < 64:
-        return None
-    window = np.hanning(size)
-    scale = 2.0 * period_s / float(np.sum(window**2))
-    power, count = np.zeros(size // 2 + 1), 0
-    values = np.stack([np.interp(even, seconds, axis) for axis in error.T])
-    for begin in range(0, len(even) - size + 1, size // 2):
-        part = values[:, begin : begin + size]
-        part = (part - part.mean(axis=1, keepdims=True)) * window
-        power += np.sum(np.abs(np.fft.rfft(part, axis=1)) ** 2, axis=0)
-        count += 1
-    hz: Floats = np.fft.rfftfreq(size, period_s)[1:].astype(np.float64)
-    return _log_spaced(hz, scale * power[1:] / count)
-
-
-def _log_spaced(hz: Floats, power: Floats) -> Spectrum:
-    """The mean power in equal steps of the frequency's logarithm, as an amplitude."""
-    edges = np.geomspace(hz[0], hz[-1], SPECTRUM_POINTS + 1)
-    at = np.clip(np.searchsorted(edges, hz, side="right") - 1, 0, SPECTRUM_POINTS - 1)
-    n = np.bincount(at, minlength=SPECTRUM_POINTS)
-    some: Bools = n > 0
-    total = np.bincount(at, power, minlength=SPECTRUM_POINTS)
-    middle = np.bincount(at, hz, minlength=SPECTRUM_POINTS)
-    return Spectrum(hz=_few(middle[some] / n[some]), density=_few(np.sqrt(total[some] / n[some])))
 
 
 def _missing(take: ScoredTake) -> list[tuple[float, float]]:
@@ -275,7 +232,7 @@ def _clock(take: ScoredTake) -> tuple[list[float], list[float]] | None:
     t, local = fit.local_t, fit.local_ns
     apart_ms = (local - take.clock.offset_ns(t)) / 1e6
     seconds = (take.clock.to_reference(t) - int(take.reference.t[0])) / NS
-    return _few(seconds), _few(apart_ms)
+    return few(seconds), few(apart_ms)
 
 
 def _loops(whole: ScoredTake, parts: Sequence[ScoredTake]) -> list[LoopCurves]:
@@ -318,8 +275,3 @@ def _within(part: ScoredTake, began: int, ended: int) -> tuple[Ints, Floats]:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 3))
     inside = (part.estimate.t >= began) & (part.estimate.t <= ended)
     return part.estimate.t[inside], error[inside]
-
-
-def _few(values: Floats) -> list[float]:
-    """Numbers with the digits that can be seen."""
-    return [float(f"{value:.5g}") for value in values.tolist()]

@@ -158,6 +158,11 @@ class RunCurves(_Strict):
     left_out: int = 0
 
 
+def few(values: Floats) -> list[float]:
+    """Numbers with the digits that can be seen."""
+    return [float(f"{value:.5g}") for value in values.tolist()]
+
+
 def bins_for(takes: int) -> int:
     """How many bins of time each take of a run gets."""
     return max(LEAST_BINS, min(BINS_OF_TAKE, BINS_OF_RUN // max(takes, 1)))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,35 +14,20 @@ from vrbench.results.bundle import Bundle, replace_text
 from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, read_calibrations
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.plot_data import RunCurves, curves_file, read_curves
-from vrbench.results.report.pages import render, three
-from vrbench.results.tables import STATUSES, Row, read_rows
+from vrbench.results.report.pages import render
+from vrbench.results.report.run_tables import (
+    COLUMNS,
+    forests,
+    headline,
+    metrics,
+    numbers_of,
+    results_of,
+)
+from vrbench.results.tables import read_rows
 
 REPORT = "report.html"
 # More rows than these would make a table that nobody reads and a page that is slow to load.
 MOST_ROWS = 800
-Place = tuple[str, str, str, str, str]
-"""Reference, case, condition, mount, repeat; the last two `all` where takes are pooled."""
-
-# What a take's line shows: heading, unit, decimals, and metric, point, statistic.
-COLUMNS = (
-    ("rmse", "mm", 2, "ape.translation.aligned", "eye", "rmse"),
-    ("mean", "mm", 2, "ape.translation.aligned", "eye", "mean"),
-    ("std", "mm", 2, "ape.translation.aligned", "eye", "std"),
-    ("max", "mm", 2, "ape.translation.aligned", "eye", "max"),
-    ("rmse at tcp", "mm", 2, "ape.translation.aligned", "tcp", "rmse"),
-    ("rotation", "deg", 3, "ape.rotation.aligned", "eye", "rmse"),
-    ("RPE 1 s", "mm", 2, "rpe.translation@1s", "eye", "rmse"),
-    ("scale", "", 4, "scale", "eye", "value"),
-    ("clock offset", "ms", 2, "clock.offset", "", "value"),
-    ("rate", "Hz", 2, "timing.rate", "", "value"),
-    ("valid", "%", 2, "coverage.valid", "", "value"),
-    ("floor", "mm", 2, "floor.total", "eye", "value"),
-)
-SCOPES = {
-    "take": "speaks for these takes only",
-    "mount": "speaks for mounts of this sitting",
-    "sitting": "speaks for sittings",
-}
 STATUS_WORDS = {
     "ok": "as good as the recording",
     "unbracketed": "a calibration on one side of the take only: scored, not ranked",
@@ -78,8 +62,8 @@ def run_page(
     rows = read_rows(bundle.checked(f"metrics/{protocol}.csv"))
     curves = read_curves(bundle.checked(curves_file(protocol)))
     calibrations = read_calibrations(bundle.checked(CALIBRATIONS), protocol)
-    numbers = _numbers(rows)
-    results = _results(numbers, suite)
+    numbers = numbers_of(rows)
+    results = results_of(numbers, suite)
     return render(
         "run.html.j2",
         shared=shared,
@@ -88,7 +72,7 @@ def run_page(
         suite=suite,
         protocol=protocol,
         kind_notice=KINDS.get(record.kind),
-        headline=_headline(results, numbers, suite),
+        headline=headline(results, numbers, suite),
         results=results,
         columns=COLUMNS,
         standings=_standings(bundle, protocol),
@@ -98,11 +82,11 @@ def run_page(
         left_out=curves.left_out if curves else 0,
         has_curves=curves is not None,
         calibrations={r: [_calibration(c) for c in found] for r, found in calibrations.items()},
-        metrics=_metrics(rows),
+        metrics=metrics(rows),
         row_count=len(rows),
         most_rows=MOST_ROWS,
         repairs=[(take.name, repair) for take in record.takes for repair in take.repairs],
-        data=_data(curves, _forests(results, numbers, suite)),
+        data=_data(curves, forests(results, numbers, suite)),
     )
 
 
@@ -110,120 +94,6 @@ def write_report(bundle: Bundle, protocol: str) -> None:
     """Writes `report.html` into the bundle, and enters it there; raises as `run_page` does."""
     replace_text(bundle.folder / REPORT, run_page(bundle, protocol))
     bundle.enter(REPORT)
-
-
-Numbers = Mapping[tuple[str, str, str], Row]
-
-
-def _numbers(rows: Iterable[Row]) -> dict[Place, dict[tuple[str, str, str], Row]]:
-    """The plain rows of each take and of all together, by metric, point and statistic."""
-    found: dict[Place, dict[tuple[str, str, str], Row]] = {}
-    for row in rows:
-        if (row.variant, row.band, row.segment) == ("main", "all", "all"):
-            place = (row.reference, row.case, row.condition, row.mount, row.repeat)
-            found.setdefault(place, {})[row.metric, row.point, row.statistic] = row
-    return found
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """A line of the table of results.
-
-    Attributes:
-        name: the take, or what is pooled.
-        pooled: whether it is of several takes.
-        cells: one for each of `COLUMNS`.
-        ranked: the row of the suite's ranking metric, if there is one.
-        status: how it counts, and `reason` why.
-    """
-
-    place: Place
-    name: str
-    pooled: bool
-    cells: Sequence[Row | None]
-    ranked: Row | None
-    status: str
-    reason: str
-
-
-def _results(numbers: Mapping[Place, Numbers], suite: Suite) -> dict[str, list[Result]]:
-    """The lines by reference: each group's takes, then the group as a whole."""
-    lines: dict[str, list[Result]] = {}
-    for place, found in numbers.items():
-        reference, case, condition, mount, repeat = place
-        pooled = repeat == "all"
-        cells = [found.get((metric, point, statistic)) for *_, metric, point, statistic in COLUMNS]
-        if not any(cells) or (pooled and mount != "all"):
-            continue
-        named = case if condition == "default" else f"{case} {condition}"
-        named += ", all takes" if pooled else f", mount {mount}, repeat {repeat}"
-        ranked = found.get((suite.rank.metric, suite.rank.point, suite.rank.statistic))
-        status, reason = _standing(found, suite)
-        lines.setdefault(reference, []).append(
-            Result(place, named, pooled, cells, ranked, status, reason)
-        )
-    for some in lines.values():
-        order = {name: k for k, name in enumerate(dict.fromkeys(line.place[1:3] for line in some))}
-        some.sort(key=lambda line: (order[line.place[1:3]], line.pooled))
-    return lines
-
-
-def _standing(found: Numbers, suite: Suite) -> tuple[str, str]:
-    """How a take counts: as its ranking number does, or the first row of that metric."""
-    rows = [row for row in found.values() if row.metric == suite.rank.metric]
-    if not rows:
-        rows = list(found.values())
-    worst = min(rows, key=lambda row: STATUSES.index(row.status) if row.status in STATUSES else -1)
-    return worst.status, worst.reason
-
-
-def _headline(
-    results: Mapping[str, Sequence[Result]], numbers: Mapping[Place, Numbers], suite: Suite
-) -> list[dict[str, Any]]:
-    """The few numbers that a reader wants first, of what is ranked."""
-    tiles = []
-    scored = {case.id for case in suite.cases if case.role == "scored"}
-    for reference, lines in results.items():
-        groups: dict[tuple[str, str], Result] = {}
-        for line in lines:
-            if line.place[1] in scored or not scored:
-                groups[line.place[1], line.place[2]] = line  # the last is the pooled one
-        for (case, condition), line in groups.items():
-            named = case if condition == "default" else f"{case} {condition}"
-            named += f" by {reference}" if len(results) > 1 else ""
-            row = line.ranked
-            if row is None or row.value is None:
-                tiles.append({"name": named, "value": "none", "unit": "", "detail": line.reason})
-                continue
-            rank = f"{suite.rank.statistic} at the {row.point}" if row.point else row.statistic
-            detail = ""
-            if row.ci_low is not None and row.ci_high is not None:
-                detail = f"95 %: {three(row.ci_low)} to {three(row.ci_high)}, "
-                detail += SCOPES.get(row.ci_scope, "")
-            tiles.append(
-                {
-                    "name": f"{named}: {rank}",
-                    "value": three(row.value),
-                    "unit": row.unit,
-                    "detail": detail,
-                }
-            )
-            for title, unit, metric, point, statistic in (
-                ("rmse at the tcp", "mm", "ape.translation.aligned", "tcp", "rmse"),
-                ("rotation, rmse", "deg", "ape.rotation.aligned", "eye", "rmse"),
-                ("largest at the eye", "mm", "ape.translation.aligned", "eye", "max"),
-            ):
-                other = numbers[line.place].get((metric, point, statistic))
-                if other is not None and other.value is not None:
-                    tiles.append(
-                        {
-                            "name": f"{named}: {title}",
-                            "value": three(other.value),
-                            "unit": unit,
-                            "detail": "",
-                        }
-                    )
-    return tiles[:12]
 
 
 def _standings(bundle: Bundle, protocol: str) -> list[dict[str, str]]:
@@ -264,80 +134,6 @@ def _calibration(found: CalibrationRecord) -> dict[str, Any]:
         "r_sigma": None if sigma is None else np.degrees(sigma[:3]).tolist(),
         "residual_mm": found.residual_mm,
         "residual_deg": found.residual_deg,
-    }
-
-
-ORDER = ("rmse", "mean", "median", "std", "min", "max", "p95", "sse")
-
-
-def _metrics(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Every metric, its statistics side by side: of all takes where pooled, else of each take."""
-    pooled = {(r.reference, r.case, r.condition, r.metric) for r in rows if r.repeat == "all"}
-    lines: dict[tuple[str, ...], dict[str, Any]] = {}
-    for row in rows:
-        if row.repeat != "all" and (row.reference, row.case, row.condition, row.metric) in pooled:
-            continue
-        place = (row.reference, row.case, row.condition, row.mount, row.repeat)
-        key = (*place, row.metric, row.point, row.band, row.segment, row.variant)
-        line = lines.setdefault(
-            key,
-            {
-                "case": row.case if row.condition == "default" else f"{row.case} {row.condition}",
-                "take": "all" if row.repeat == "all" else f"m{row.mount} r{row.repeat}",
-                "row": row,
-                "cells": {},
-                "single": None,
-            },
-        )
-        if row.statistic in ORDER:
-            line["cells"][row.statistic] = row
-        else:
-            line["single"] = row
-    return list(lines.values())
-
-
-def _forests(
-    results: Mapping[str, Sequence[Result]], numbers: Mapping[Place, Numbers], suite: Suite
-) -> list[dict[str, Any]]:
-    """The ranking number of each take and of all together, with intervals, by reference."""
-    charts = []
-    for reference, lines in results.items():
-        shown = [
-            line for line in lines if line.ranked is not None and line.ranked.value is not None
-        ]
-        if not shown:
-            continue
-        floors = [
-            row.value
-            for line in shown
-            if (row := numbers[line.place].get(("floor.total", suite.rank.point, "value")))
-            and row.value is not None
-        ]
-        unit = shown[0].ranked.unit if shown[0].ranked else ""
-        several = f", by {reference}" if len(results) > 1 else ""
-        charts.append(
-            {
-                "title": f"The ranking number by take{several}",
-                "note": f"{suite.rank.metric}; intervals of 95 %; hollow where not ok",
-                "label": f"{suite.rank.statistic} at the {suite.rank.point}",
-                "unit": unit,
-                "floor": max(floors) if floors and unit == "mm" else None,
-                "rows": [_point(line) for line in shown[:200]],
-            }
-        )
-    return charts
-
-
-def _point(line: Result) -> dict[str, Any]:
-    row = line.ranked
-    assert row is not None
-    return {
-        "name": line.name,
-        "pooled": line.pooled,
-        "status": line.status,
-        "value": row.value,
-        "low": row.ci_low,
-        "high": row.ci_high,
     }
 
 
