@@ -12,7 +12,6 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from vrbench.results.leaderboard import Board
     from vrbench.results.tables import Row
 
 
@@ -79,7 +78,7 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
         named = case if condition == "default" else f"{case} {condition}"
         named += f" by {reference}" if several else ""
         line = [named, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
-        shown = ["" if row is None else _number(row.value) for row in cells]
+        shown = ["" if row is None else number_text(row.value) for row in cells]
         status = min((r.status for r in numbers.values()), key=STATUSES.index)
         # A take that lacks some metric is ok; one that lacks its first headline isn't scored.
         if status == "skipped" and shown[0]:
@@ -90,48 +89,11 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
     click.echo(f"all {len(rows)} numbers: {table}")
 
 
-def show_boards(boards: Sequence[Board]) -> None:
-    """Every board, best device first, and why those without a rank have none."""
-    for board in boards:
-        key = board.key
-        what = "simulated devices" if key.simulated else "recorded devices"
-        condition = "" if key.condition == "default" else f" ({key.condition})"
-        title = (
-            f"Leaderboard of {what}: {key.suite}, {key.case}{condition} by {key.motion}, "
-            f"speed {key.speed:g}\n{board.metric}, protocol {key.protocol}, "
-            f"reference {key.reference}, suite {key.suite_digest[:8]}, "
-            f"motion {key.motion_digest[:8]}"
-        )
-        unit = next((entry.unit for entry in board.entries if entry.unit), "")
-        header = ["rank ", "device", "lab", "firmware", f"{unit} ", "95 % ", "floor "]
-        header += ["takes ", "mounts ", "valid % ", "status"]
-        rows = [
-            [
-                "-" if e.rank is None else str(e.rank),
-                e.device,
-                e.lab,
-                e.firmware,
-                _number(e.value),
-                "" if e.low is None else f"{_number(e.low)}-{_number(e.high)}",
-                _number(e.floor),
-                str(e.takes),
-                str(e.mounts),
-                _number(e.coverage),
-                e.status,
-            ]
-            for e in board.entries
-        ]
-        show_table(title, header, rows)
-        for entry in board.entries:
-            if entry.reason:
-                click.echo(f"{entry.device} of {entry.lab} has no rank: {entry.reason}")
-
-
 def _state(row: Row) -> str:
     return row.status if row.status == "ok" else f"{row.status}: {row.reason}"
 
 
-def _number(value: float | None) -> str:
+def number_text(value: float | None) -> str:
     """Four significant digits, without exponents where people don't expect them."""
     if value is None:
         return ""

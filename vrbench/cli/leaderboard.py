@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -11,9 +12,18 @@ import click
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--protocol", default="vrbench-1", show_default=True, help="How takes were scored.")
 def command(runs: tuple[Path, ...], protocol: str) -> None:
-    """Show the devices of RUNS side by side, on one board for each thing they must share."""
-    from vrbench.cli._tables import show_boards
-    from vrbench.results.bundle import Bundle
+    """Show the devices of RUNS side by side, on one board for each thing they must share.
+
+    Devices that can't be told apart share a rank: `1-2` may be the first or the second. A run that
+    can't be read is left out and told, and the exit code is 1.
+    """
+    from vrbench.cli._boards import show_boards
     from vrbench.results.leaderboard import leaderboard
 
-    show_boards(leaderboard([Bundle.open(folder) for folder in runs], protocol))
+    found = leaderboard(runs, protocol)
+    if not found.boards:
+        raise found.left_out[0].error
+    show_boards(found.boards)
+    for left_out in found.left_out:
+        click.echo(f"left out: {left_out.error}", err=True)
+    sys.exit(1 if found.left_out else 0)

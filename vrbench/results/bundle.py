@@ -21,6 +21,9 @@ from vrbench.streams import Columns
 
 SCHEMA_VERSION = 1
 RECORD = "run.json"
+# More than any run has; what others hand in isn't read beyond it.
+MAX_RECORD_BYTES = 16 << 20
+MAX_TABLE_BYTES = 256 << 20
 
 
 class _Record(BaseModel):
@@ -143,22 +146,29 @@ class Bundle:
             self.record.files[name] = file_digest(self.folder / name)
         self._save()
 
-    def checked(self, name: str) -> Path:
-        """The path of a file that was entered.
+    def content(self, name: str) -> bytes:
+        """A file that was entered, whole.
 
         Raises:
-            DataError: the file isn't the one that was entered.
+            DataError: no such file, it lies outside the bundle or is beyond `MAX_TABLE_BYTES`, it
+                was never entered, or it isn't the one that was.
         """
-        path = self.folder / name
+        path = inside(self.folder, name)
+        try:
+            size = path.stat().st_size
+            if size > MAX_TABLE_BYTES:
+                raise DataError(
+                    f"{size} bytes", file=path, fix=f"a table has {MAX_TABLE_BYTES} at most"
+                )
+            content = path.read_bytes()
+        except OSError as error:
+            fix = "vrbench evaluate RUN" if isinstance(error, FileNotFoundError) else str(error)
+            raise DataError("is not there", file=path, fix=fix) from None
         known = self.record.files.get(name)
-        if known is not None and path.is_file() and file_digest(path) != known:
-            raise DataError(
-                "was changed since it was written",
-                file=path,
-                field="sha256",
-                fix=f"make it again: {RECORD} says {known[:12]}...",
-            )
-        return path
+        if hashlib.sha256(content).hexdigest() != known:
+            what = "was changed since it was written" if known else f"is not in {RECORD}"
+            raise DataError(what, file=path, field="sha256", fix="vrbench evaluate RUN")
+        return content
 
     @classmethod
     def open(cls, folder: Path) -> Bundle:
@@ -167,12 +177,16 @@ class Bundle:
         Raises:
             ConfigError: no run there, an incomplete one, or one of another schema.
         """
-        path = folder / RECORD
+        path = inside(folder, RECORD)
         try:
+            if path.stat().st_size > MAX_RECORD_BYTES:
+                raise ConfigError(
+                    f"{path.stat().st_size} bytes", file=path, fix=f"{MAX_RECORD_BYTES} at most"
+                )
             content = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             raise ConfigError("is not a run", file=folder, fix=f"a folder with {RECORD}") from None
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ConfigError("is not JSON", file=path, fix=str(error)) from None
         if isinstance(content, dict) and content.get("schema_version") != SCHEMA_VERSION:
             raise ConfigError(
@@ -205,7 +219,7 @@ class Bundle:
         Raises:
             DataError: the file is gone, or isn't the one that was recorded.
         """
-        path = self.folder / take.file
+        path = inside(self.folder, take.file)
         if not path.is_file():
             raise DataError("the take is gone", file=path)
         if file_digest(path) != take.sha256:
@@ -232,6 +246,20 @@ class Bundle:
         path = self.folder / RECORD
         text = self.record.model_dump_json(indent=1)
         replace_text(path, text)
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The path of a file of a bundle.
+
+    Raises:
+        DataError: the name, or a link on the way, leads out of the bundle.
+    """
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise DataError(
+            "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
+        )
+    return path
 
 
 def replace_text(path: Path, text: str) -> None:

@@ -3,231 +3,213 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
 
-from vrbench.config.suite import Suite
-from vrbench.errors import ConfigError
-from vrbench.results.bundle import Bundle, TakeRecord
-from vrbench.results.tables import STATUSES, Row, read_rows
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class BoardKey:
-    """What must be the same for numbers to stand on one board.
-
-    Attributes:
-        simulated: whether a simulator made them, which tells nothing of the headset.
-        speed: of the motion as it was carried out, over its own.
-    """
-
-    suite: str
-    suite_digest: str
-    simulated: bool
-    case: str
-    condition: str
-    motion: str
-    motion_digest: str
-    protocol: str
-    reference: str
-    speed: float
+from vrbench.errors import ConfigError, DataError, VrbenchError
+from vrbench.results.board import STATISTICS, Board, BoardKey, Entry, Leaderboard, LeftOut
+from vrbench.results.bundle import Bundle
+from vrbench.results.scatter import measured
+from vrbench.results.standing import Standing, baseline_of, is_change, standings
+from vrbench.results.tables import pool
+from vrbench.statistics.bootstrap import scope_of
+from vrbench.statistics.ranks import Measured, interval, rank, separation
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One device on a board.
-
-    Attributes:
-        rank: from 1; None for an entry that is listed but not ranked.
-        value: the ranking number; None where there is none.
-        low: lower end of its interval,
-        high: and its upper end.
-        floor: the largest noise floor among the takes, in the same unit; None where it isn't known.
-        takes: takes the number rests on.
-        mounts: mounts among them.
-        coverage: least share of valid poses among the takes [%]; None where not measured.
-        epochs: most world frames in one take; None where not measured.
-        status: `ok`, or why the entry isn't ranked,
-        reason: in words.
-        run: the bundle it comes from.
-    """
-
-    rank: int | None
-    device: str
-    firmware: str
-    logger: str
-    lab: str
-    value: float | None
-    low: float | None
-    high: float | None
-    floor: float | None
-    unit: str
-    takes: int
-    mounts: int
-    coverage: float | None
-    epochs: int | None
-    status: str
-    reason: str
-    run: str
-
-
-@dataclass(frozen=True, slots=True)
-class Board:
-    """Entries that can be compared, best first; those without a rank come last."""
-
-    key: BoardKey
-    metric: str
-    entries: Sequence[Entry]
-
-
-def leaderboard(bundles: Iterable[Bundle], protocol: str) -> list[Board]:
+def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
     """All boards of these runs: one for each thing that must be the same.
+
+    A run that can't be read stands on no board; the others do.
 
     Raises:
         ConfigError: one run is given twice.
-        DataError: a run has no metrics yet, or they were changed.
     """
-    boards: dict[BoardKey, list[Entry]] = defaultdict(list)
-    metrics: dict[BoardKey, str] = {}
-    seen: set[str] = set()
-    for bundle in bundles:
-        where = str(bundle.folder.resolve())
+    by_key: dict[BoardKey, list[Standing]] = defaultdict(list)
+    left_out: list[LeftOut] = []
+    seen: set[Path] = set()
+    for folder in folders:
+        where = folder.resolve()
         if where in seen:
-            raise ConfigError("the run is given twice", file=bundle.folder)
+            raise ConfigError("the run is given twice", file=folder)
         seen.add(where)
-        suite = bundle.record.resolved_suite()
-        rows = read_rows(bundle.checked(f"metrics/{protocol}.csv"))
-        for key, takes in _groups(bundle, suite, protocol).items():
-            rank = suite.rank
-            metrics[key] = f"{rank.metric} {rank.statistic} at the {rank.point}"
-            boards[key].append(_entry(bundle, suite, key, takes, rows))
-    return [Board(key, metrics[key], _ranked(boards[key])) for key in sorted(boards)]
+        try:
+            for standing in standings(Bundle.open(folder), protocol):
+                by_key[standing.key].append(standing)
+        except VrbenchError as error:
+            left_out.append(LeftOut(str(folder), error))
+        except OSError as error:
+            told = DataError("can't be read", file=folder, fix=error.strerror)
+            left_out.append(LeftOut(str(folder), told))
+    return Leaderboard([_board(key, by_key[key]) for key in sorted(by_key)], left_out)
 
 
-def _groups(bundle: Bundle, suite: Suite, protocol: str) -> dict[BoardKey, list[TakeRecord]]:
-    """The ranked takes of a run by board: scored cases; calibrations where there are no others."""
-    takes = [take for take in bundle.record.takes if take.role == "scored"]
-    groups: dict[BoardKey, list[TakeRecord]] = defaultdict(list)
-    for take in takes or bundle.record.takes:
-        key = BoardKey(
-            suite=suite.label,
-            suite_digest=bundle.record.suite_digest,
-            simulated=bundle.record.kind == "simulated",
-            case=take.case,
-            condition=take.condition,
-            motion=take.motion,
-            motion_digest=take.motion_digest,
-            protocol=protocol,
-            reference=bundle.record.references[0],
-            speed=round(take.speed / take.stretch, 6),
-        )
-        groups[key].append(take)
-    return groups
+def _board(key: BoardKey, standings: Sequence[Standing]) -> Board:
+    suite = standings[0].suite
+    change = is_change(suite, key.condition)
+    metric = f"{suite.rank.metric} {suite.rank.statistic} at the {suite.rank.point}"
+    if change:
+        metric = f"change of {metric} against {baseline_of(suite)}"
+    rows: dict[tuple[str, ...], list[Standing]] = defaultdict(list)
+    for standing in sorted(standings, key=lambda s: (s.record.created, s.run)):
+        rows[standing.identity].append(standing)
+    sound: list[tuple[Entry, Sequence[Standing]]] = []
+    others: list[Entry] = []
+    for group in rows.values():
+        for sittings, why in _told(group):
+            entry = _entry(sittings, why)
+            if entry.status == "ok":
+                sound.append((entry, sittings))
+            else:
+                others.append(entry)
+    ranked = sorted(_ranked(sound, _same_recordings(standings)), key=_by_value)
+    return Board(key, metric, [*ranked, *sorted(others, key=_by_value)], change)
 
 
-def _entry(
-    bundle: Bundle, suite: Suite, key: BoardKey, takes: Sequence[TakeRecord], rows: Sequence[Row]
-) -> Entry:
-    """The pooled ranking number of several takes, or that of the only one."""
-    mine = [
-        row
-        for row in rows
-        if (row.case, row.condition, row.reference) == (key.case, key.condition, key.reference)
-        and row.variant == "main"
-    ]
-    chosen = _ranking_row(mine, suite, takes)
-    coverage = _extreme(min, mine, "coverage.valid")
-    epochs = _extreme(max, mine, "coverage.epochs")
-    status, reason = _standing(suite, takes, mine, chosen, coverage, epochs)
-    shown = chosen if status not in ("failed", "invalid") else None
-    device = bundle.record.device
+def _by_value(entry: Entry) -> tuple[bool, float, tuple[str, ...], Sequence[str]]:
+    return entry.value is None, entry.value or 0.0, entry.identity, entry.runs
+
+
+def _told(group: Sequence[Standing]) -> Iterable[tuple[Sequence[Standing], str]]:
+    """The runs of one row, oldest first: its sittings together, and apart what is no new sitting.
+
+    Returns:
+        runs that make an entry together, and why the entry is a duplicate, if it is one.
+    """
+    sittings: dict[str, Standing] = {}
+    takes: dict[str, str] = {}
+    for standing in group:
+        copied = next((takes[t.sha256] for t in standing.takes if t.sha256 in takes), None)
+        takes |= {take.sha256: standing.run for take in standing.takes if take.sha256}
+        if copied is not None:
+            yield [standing], f"it holds recordings of {copied}"
+        elif standing.status != "ok":
+            yield [standing], ""
+        elif standing.record.sitting in sittings:
+            first = sittings[standing.record.sitting]
+            yield (
+                [standing],
+                f"{first.run} is of sitting {first.record.sitting} too, and is older",
+            )
+        elif sittings and standing.suite.rank.statistic not in ("rmse", "mean"):
+            yield [standing], f"{standing.suite.rank.statistic} of several sittings can't be pooled"
+        else:
+            sittings[standing.record.sitting] = standing
+    if sittings:
+        yield list(sittings.values()), ""
+
+
+def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
+    """The entry of runs in several sittings, or in one."""
+    first = sittings[0]
+    row, rank = first.row, first.suite.rank
+    places = [(s.record.sitting, str(take.mount)) for s in sittings for take in s.takes]
+    value, low, high = (row.value, row.ci_low, row.ci_high) if row else (None, None, None)
+    if len(sittings) > 1:
+        together = measured(sittings)
+        value, (low, high) = together.value, interval(together)
+    scope = "" if low is None else scope_of(places)
+    status, reason = first.status, first.reason
+    if duplicate:
+        status, reason = "duplicate", duplicate
+    elif status == "ok" and scope not in ("mount", "sitting"):
+        status = "take scope"
+        reason = "it speaks for these takes only: a rank takes two mounts of three repeats each"
+        if low is None:
+            status, reason = "no interval", f"no interval of {rank.metric} was computed"
+    device, epochs = first.record.device, [s.epochs for s in sittings]
     return Entry(
-        rank=None,
         device=device.headset,
         firmware=device.firmware,
         logger=device.logger,
-        lab=bundle.record.lab,
-        value=shown.value if shown else None,
-        low=shown.ci_low if shown else None,
-        high=shown.ci_high if shown else None,
-        floor=_floor(mine, suite.rank.point),
-        unit=shown.unit if shown else "",
-        takes=len(takes),
-        mounts=len({take.mount for take in takes}),
-        coverage=coverage,
-        epochs=None if epochs is None else int(epochs),
+        logger_version=device.logger_version,
+        prediction=device.prediction,
+        lab=first.record.lab,
+        value=value,
+        unit=row.unit if row else "",
+        low=low,
+        high=high,
+        scope=scope,
+        statistics=_statistics(sittings),
+        floor=_known(max, [s.floor for s in sittings]),
+        takes=len(places),
+        mounts=len(set(places)),
+        sittings=len(sittings),
+        failed=sum(s.failed for s in sittings),
+        invalid=sum(s.invalid for s in sittings),
+        coverage=_known(min, [s.coverage for s in sittings]),
+        epochs=None if None in epochs else int(max(e for e in epochs if e is not None)),
         status=status,
         reason=reason,
-        run=str(bundle.folder),
+        runs=[s.run for s in sittings],
     )
 
 
-def _ranking_row(rows: Sequence[Row], suite: Suite, takes: Sequence[TakeRecord]) -> Row | None:
-    repeat = "all" if len(takes) > 1 else str(takes[0].repeat)
-    rank = suite.rank
-    wanted = (rank.metric, rank.point, rank.statistic, repeat, "all", "all")
-    for row in rows:
-        if (row.metric, row.point, row.statistic, row.repeat, row.band, row.segment) == wanted:
-            return row
-    return None
+def _statistics(sittings: Sequence[Standing]) -> dict[str, float | None]:
+    """The paper's four numbers of the ranking metric, over all sittings."""
+    rows = [replace(r, sitting=s.record.sitting) for s in sittings for r in s.pooled.values()]
+    if len(sittings) > 1:
+        rows = pool(rows, ("sitting",), {(s.record.sitting,): "" for s in sittings})
+    found = {row.statistic: row.value for row in rows}
+    return {name: found.get(name) for name in STATISTICS}
 
 
-def _standing(
-    suite: Suite,
-    takes: Sequence[TakeRecord],
-    rows: Sequence[Row],
-    chosen: Row | None,
-    coverage: float | None,
-    epochs: float | None,
-) -> tuple[str, str]:
-    """`ok`, or why an entry isn't ranked; the gravest reason comes first."""
-    troubled = [row for row in rows if row.status in ("failed", "invalid")]
-    if troubled:
-        worst = min(troubled, key=lambda row: STATUSES.index(row.status))
-        return worst.status, worst.reason
-    if chosen is None or chosen.value is None:
-        return "failed", chosen.reason if chosen else f"{suite.rank.metric} was not computed"
-    if chosen.status != "ok":
-        return chosen.status, chosen.reason
-    done = min(take.fraction for take in takes)
-    if done < 1.0:
-        return "not completed", f"the robot did {done * 100:.3g} % of the motion"
-    if coverage is None:
-        return "no coverage", "coverage was not computed"
-    if coverage < suite.rank.min_coverage * 100:
-        return "low coverage", f"the suite asks for {suite.rank.min_coverage:.0%} valid poses"
-    if epochs is not None and epochs > 1:
-        return "recentred", "each world frame of a take is aligned apart, which flatters it"
-    if chosen.ci_scope not in ("mount", "sitting"):
-        return (
-            "take scope",
-            "it speaks for these takes only: a rank takes two mounts of three repeats each",
-        )
-    return "ok", ""
-
-
-def _extreme(
-    choose: Callable[[Iterable[float]], float], rows: Sequence[Row], metric: str
+def _known(
+    choose: Callable[[Iterable[float]], float], values: Sequence[float | None]
 ) -> float | None:
-    """The least or the largest of a metric among the takes; None where one of them has none."""
-    found = [row.value for row in rows if row.metric == metric and row.repeat != "all"]
-    known = [value for value in found if value is not None]
-    return choose(known) if known and len(known) == len(found) else None
+    """The least or the largest; None where one isn't known."""
+    known = [value for value in values if value is not None]
+    return choose(known) if len(known) == len(values) else None
 
 
-def _floor(rows: Sequence[Row], point: str) -> float | None:
-    """The largest total noise floor among the takes; None where one of them has none."""
-    floors = [row.value for row in rows if row.metric == "floor.total" and row.point == point]
-    known = [value for value in floors if value is not None]
-    return max(known) if known and len(known) == len(floors) else None
+def _same_recordings(standings: Sequence[Standing]) -> dict[str, str]:
+    """For a run that holds recordings of a run of another row: which that is."""
+    owners: dict[str, Standing] = {}
+    found: dict[str, str] = {}
+    for standing in standings:
+        for take in standing.takes:
+            owner = owners.setdefault(take.sha256, standing)
+            if take.sha256 and owner.identity != standing.identity:
+                found[standing.run] = f"it holds the same recordings as {owner.run}"
+                found.setdefault(owner.run, f"it holds the same recordings as {standing.run}")
+    return found
 
 
-def _ranked(entries: Sequence[Entry]) -> list[Entry]:
-    """Ranks by value those that may be ranked; lists the others behind them, by value too."""
+def _ranked(
+    sound: Sequence[tuple[Entry, Sequence[Standing]]], copies: Mapping[str, str]
+) -> list[Entry]:
+    """The entries with their places, each among those of the labs that it can be compared with."""
+    if len(sound) == 1:
+        entry, _ = sound[0]
+        return [replace(entry, rank=1, last_rank=1, ranked_among=(entry.lab,))]
+    numbers = [measured(sittings, floor=entry.floor) for entry, sittings in sound]
+    ranked = []
+    for labs in _comparable_labs([entry for entry, _ in sound], numbers):
+        mine = [i for i, (entry, _) in enumerate(sound) if entry.lab in labs]
+        for i, (best, last) in zip(mine, rank([numbers[i] for i in mine]), strict=True):
+            entry, sittings = sound[i]
+            why = next((copies[s.run] for s in sittings if s.run in copies), "")
+            ranked.append(
+                replace(entry, rank=best, last_rank=last, ranked_among=tuple(labs), reason=why)
+            )
+    return ranked
 
-    def by_value(entry: Entry) -> tuple[bool, float, str]:
-        return entry.value is None, entry.value or 0.0, entry.run
 
-    sound = sorted((entry for entry in entries if entry.status == "ok"), key=by_value)
-    others = sorted((entry for entry in entries if entry.status != "ok"), key=by_value)
-    return [replace(entry, rank=place) for place, entry in enumerate(sound, 1)] + others
+def _comparable_labs(entries: Sequence[Entry], numbers: Sequence[Measured]) -> list[list[str]]:
+    """The labs in groups whose entries are ranked together.
+
+    Two labs are comparable if they ran one device, the same in firmware, logger and prediction
+    mode, and found the same of it: its two numbers can't be told apart.
+    """
+    groups = {entry.lab: {entry.lab} for entry in entries}
+    by_device: dict[tuple[str, ...], list[int]] = defaultdict(list)
+    for i, entry in enumerate(entries):
+        by_device[entry.identity].append(i)
+    for shared in by_device.values():
+        for i, j in combinations(shared, 2):
+            first, second = groups[entries[i].lab], groups[entries[j].lab]
+            if first is not second and not separation(numbers[i], numbers[j]).told:
+                first |= second
+                groups |= dict.fromkeys(second, first)
+    return sorted(sorted(labs) for labs in {id(g): g for g in groups.values()}.values())

@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from io import StringIO
+from math import isfinite
 from pathlib import Path
 
 from vrbench.errors import DataError
@@ -70,7 +71,7 @@ def write_rows(rows: Iterable[Row], path: Path) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in rows:
-        if row.value is not None and not math.isfinite(row.value):
+        if row.value is not None and not isfinite(row.value):
             raise ValueError(f"{row.metric} {row.statistic} is {row.value}")
         table.writerow(
             "" if cell is None else f"{cell:.10g}" if isinstance(cell, float) else cell
@@ -93,15 +94,23 @@ def read_rows(path: Path) -> list[Row]:
                 raise DataError(
                     "other columns than a metric table's", file=path, fix=",".join(COLUMNS)
                 )
-            return [_row(cells) for cells in table]
+            return [row_of(cells) for cells in table]
     except FileNotFoundError:
         raise DataError("no metrics yet", file=path, fix="vrbench evaluate RUN") from None
     except (ValueError, TypeError) as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
 
 
-def _row(cells: dict[str, str]) -> Row:
+def row_of(cells: dict[str, str]) -> Row:
+    """The row of these cells, by column.
+
+    Raises:
+        ValueError: a number isn't one, or not finite.
+    """
     numbers = {name: float(cells[name]) if cells[name] else None for name in _NUMBERS}
+    odd = [name for name, value in numbers.items() if value is not None and not isfinite(value)]
+    if odd:
+        raise ValueError(f"{odd[0]} is {numbers[odd[0]]}")
     return Row(**{**cells, **numbers, "samples": int(cells["samples"])})  # type: ignore[arg-type]
 
 

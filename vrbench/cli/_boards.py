@@ -1,0 +1,61 @@
+"""How the terminal shows leaderboards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import click
+
+from vrbench.cli._tables import console, number_text, show_table
+from vrbench.results.board import Board, Entry, notes
+
+# From this width on there is room for all columns.
+WIDE = 120
+
+
+def show_boards(boards: Sequence[Board]) -> None:
+    """Every board, best device first; below it why entries have no rank, and what else to know."""
+    wide = console().width >= WIDE
+    for board in boards:
+        header = ["rank ", "device", "lab", f"{board.unit} ", "95 % ", "floor "]
+        header += ["takes ", "valid % "]
+        if wide:
+            header[2:2] = ["firmware", "logger", "prediction"]
+            header += ["epochs ", "status"]
+        if board.change:
+            header += ["covered "]
+        rows = [_cells(entry, wide=wide, change=board.change) for entry in board.entries]
+        show_table(f"{board.title}\n{_subtitle(board)}", header, rows)
+        for note in notes(board):
+            click.echo(note)
+        click.echo()
+
+
+def _subtitle(board: Board) -> str:
+    key = board.key
+    return (
+        f"{board.metric}, protocol {key.protocol}, reference {key.reference}, "
+        f"suite {key.suite_digest[:8]}, motion {key.motion_digest[:8]}"
+    )
+
+
+def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
+    cells = [
+        entry.places,
+        entry.device,
+        entry.lab,
+        number_text(entry.value),
+        "" if entry.low is None else f"{number_text(entry.low)}-{number_text(entry.high)}",
+        number_text(entry.floor),
+        f"{entry.takes}/{entry.mounts}/{entry.sittings}",
+        number_text(entry.coverage),
+    ]
+    if wide:
+        logger = entry.logger
+        if entry.logger_version != "unknown":
+            logger += f" {entry.logger_version}"
+        cells[2:2] = [entry.firmware, logger, entry.prediction]
+        cells += ["" if entry.epochs is None else str(entry.epochs), entry.status]
+    if change:
+        cells += ["" if entry.cameras is None else "{}/{}".format(*entry.cameras)]
+    return cells

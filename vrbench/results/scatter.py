@@ -1,0 +1,113 @@
+"""How the number of a device scatters: by mount, by sitting, along the motion."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from vrbench.geometry import Floats, Ints
+from vrbench.results.bundle import TakeRecord
+from vrbench.results.selection import select_bins
+from vrbench.results.standing import Sampled, Standing
+from vrbench.statistics.ranks import Measured
+
+# What errors by phase are kept of.
+BY_PHASE = ("ape.translation.aligned", "ape.rotation.aligned")
+
+
+def measured(sittings: Sequence[Standing], *, floor: float | None = None) -> Measured:
+    """The ranking number of a row's runs, one a sitting, and its scatter.
+
+    Args:
+        sittings: the runs.
+        floor: the noise floor, in the number's unit.
+
+    Raises:
+        DataError: a table of errors by phase was changed, or can't be read.
+    """
+    change = bool(sittings[0].before)
+    here = _clusters(sittings, [s.by_take for s in sittings])
+    statistic = sittings[0].suite.rank.statistic
+    size = _together([v for values in here.values() for v in values], statistic)
+    value, bins = size, _bins(sittings, [s.takes for s in sittings])
+    numbers = {cluster: _together(values, statistic) for cluster, values in here.items()}
+    if change:
+        before = _clusters(sittings, [s.before_by_take for s in sittings])
+        value -= _together([v for values in before.values() for v in values], statistic)
+        numbers = {
+            cluster: number - _together(before[cluster], statistic)
+            for cluster, number in numbers.items()
+            if cluster in before
+        }
+        bins = _less(bins, _bins(sittings, [s.before for s in sittings]))
+    bin_numbers = np.array(sorted(bins), dtype=np.int64)
+    return Measured(
+        value=value,
+        clusters=np.array(list(numbers.values())),
+        bin=bin_numbers,
+        by_bin=np.array([bins[b] for b in bin_numbers.tolist()]),
+        size=size,
+        floor=floor or 0.0,
+    )
+
+
+def _clusters(
+    sittings: Sequence[Standing], by_take: Sequence[Mapping[tuple[int, int], Sampled]]
+) -> dict[str, list[Sampled]]:
+    """The takes' numbers by sitting; by mount, where there is one sitting."""
+    clusters: dict[str, list[Sampled]] = defaultdict(list)
+    for standing, numbers in zip(sittings, by_take, strict=True):
+        for (mount, _), sampled in numbers.items():
+            name = standing.record.sitting if len(sittings) > 1 else str(mount)
+            clusters[name].append(sampled)
+    return clusters
+
+
+def _together(numbers: Iterable[Sampled], statistic: str) -> float:
+    """The number of several takes together: rmse over all samples, else the mean of the takes'."""
+    pairs = np.array(list(numbers), dtype=float)
+    if not len(pairs):
+        return 0.0
+    if statistic == "rmse":
+        return float(np.sqrt(np.average(pairs[:, 0] ** 2, weights=np.maximum(pairs[:, 1], 1.0))))
+    return float(pairs[:, 0].mean())
+
+
+def _bins(sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]) -> dict[int, float]:
+    """The rmse as a mean over the bins of phase that all takes have; empty where not known.
+
+    To first order, the rmse over some bins is the mean over them of (square / rmse + rmse) / 2.
+    """
+    rank = sittings[0].suite.rank
+    if rank.metric not in BY_PHASE or rank.statistic != "rmse":
+        return {}
+    every: list[tuple[Ints, Floats]] = []
+    for standing, mine in zip(sittings, takes, strict=True):
+        name = f"metrics/{standing.key.protocol}.phase.csv"
+        if name not in standing.record.files:
+            return {}
+        found = select_bins(
+            standing.bundle.folder / name,
+            standing.bundle.content(name),
+            mine,
+            reference=standing.key.reference,
+            metric=rank.metric,
+            point=rank.point,
+        )
+        if len(found) < len(mine):
+            return {}
+        every += found.values()
+    common = set.intersection(*(set(bins.tolist()) for bins, _ in every))
+    squares: dict[int, float] = dict.fromkeys(common, 0.0)
+    for bins, square in every:
+        for b, s in zip(bins.tolist(), square.tolist(), strict=True):
+            if b in common:
+                squares[b] += s / len(every)
+    rmse = float(np.sqrt(np.mean(list(squares.values())))) if squares else 0.0
+    return {b: (s / rmse + rmse) / 2 if rmse else 0.0 for b, s in squares.items()}
+
+
+def _less(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int, float]:
+    return {b: first[b] - second[b] for b in first.keys() & second.keys()}
