@@ -14,7 +14,7 @@ from vrbench.results.bundle import Bundle
 from vrbench.results.export import evo, samples, tum
 from vrbench.results.export.layout import write_layout
 from vrbench.results.export.part import Part
-from vrbench.results.tables import read_rows
+from vrbench.results.tables import parse_rows
 from vrbench.scoring import Rules, prepared
 
 WRITERS: dict[str, Callable[[Part, Path], list[Path]]] = {
@@ -52,7 +52,8 @@ def export(
         return [write_layout(_streams(bundle), folder)]
     parts = ready(bundle, protocol, tell, complain)
     if form == "parquet":
-        rows = read_rows(bundle.checked(f"metrics/{protocol.name}.csv"))
+        table = f"metrics/{protocol.name}.csv"
+        rows = parse_rows(bundle.content(table), bundle.folder / table)
         return samples.write_parquet(list(parts), rows, folder)
     written: list[Path] = []
     for part in parts:

@@ -48,19 +48,20 @@ class _File(_Strict):
     protocols: dict[str, dict[str, list[CalibrationRecord]]]
 
 
-def read_calibrations(path: Path, protocol: str) -> dict[str, list[CalibrationRecord]]:
+def parse_calibrations(
+    content: bytes, path: Path, protocol: str
+) -> dict[str, list[CalibrationRecord]]:
     """What a protocol found, by reference; nothing where it found nothing.
 
     Raises:
-        DataError: the file isn't one that `write_calibrations` wrote.
+        DataError: the content isn't what `write_calibrations` wrote.
+        ConfigError: a field isn't what it should be.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {}
+        found = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise DataError("is not JSON", file=path, fix=str(error)) from None
-    return validate(content, _File, path).protocols.get(protocol, {})
+    return validate(found, _File, path).protocols.get(protocol, {})
 
 
 def write_calibrations(

@@ -185,21 +185,18 @@ def write_curves(takes: Sequence[TakeCurves], protocol: str, path: Path) -> None
     replace_text(path, run.model_dump_json())
 
 
-def read_curves(path: Path) -> RunCurves | None:
-    """The curves of a run; None where there are none.
+def parse_curves(content: bytes, path: Path) -> RunCurves:
+    """The curves of a run from their file's content; `path` is for messages.
 
     Raises:
         DataError: not a file of curves, or one too large to be one.
+        ConfigError: a field isn't what it should be.
     """
-    if not path.is_file():
-        return None
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
+    if len(content) > LARGEST_FILE:
         raise DataError(
-            f"has {size >> 20} MB", file=path, fix=f"curves of a run have {LARGEST_FILE >> 20} MB"
+            f"has {len(content)} bytes", file=path, fix=f"curves have {LARGEST_FILE} at most"
         )
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        return validate(json.loads(content), RunCurves, path)
     except (ValueError, RecursionError) as error:
         raise DataError("is not JSON", file=path, fix=str(error)) from None
-    return validate(content, RunCurves, path)

@@ -7,6 +7,7 @@ policy names them by digest. Either way a browser loads nothing else and runs no
 from __future__ import annotations
 
 from base64 import b64encode
+from collections.abc import Sequence
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
@@ -16,6 +17,7 @@ from vrbench.errors import ConfigError
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
 SCRIPTS = ("chart.js", "space.js", "figures.js", "tables.js")
 SCRIPT, STYLE = "vrbench.js", "vrbench.css"
@@ -77,6 +79,13 @@ def three(value: float) -> str:
     return text.rstrip(".").replace("-", "\N{MINUS SIGN}")
 
 
+def cells(texts: Sequence[str]) -> Markup:
+    """The cells of a row of a table, escaped."""
+    from markupsafe import Markup, escape
+
+    return Markup("<td>" + "</td><td>".join(map(escape, texts)) + "</td>")
+
+
 @cache
 def _environment() -> Environment:
     try:
@@ -92,7 +101,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number=number, fixed=fixed)
+    environment.filters.update(number=number, fixed=fixed, cells=cells)
     return environment
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,19 +12,21 @@ import numpy as np
 from vrbench.config.suite import Suite
 from vrbench.geometry import quat_to_rotvec
 from vrbench.results.bundle import Bundle, replace_text
-from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, read_calibrations
+from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, parse_calibrations
 from vrbench.results.leaderboard import leaderboard
-from vrbench.results.plot_data import RunCurves, curves_file, read_curves
+from vrbench.results.plot_data import RunCurves, curves_file, parse_curves
 from vrbench.results.report.pages import render
 from vrbench.results.report.run_tables import (
     COLUMNS,
+    HEADINGS,
+    STATISTICS,
     forests,
     headline,
     metrics,
     numbers_of,
     results_of,
 )
-from vrbench.results.tables import read_rows
+from vrbench.results.tables import parse_rows
 
 REPORT = "report.html"
 # More rows than these would make a table that nobody reads and a page that is slow to load.
@@ -42,16 +45,39 @@ KINDS = {
 }
 
 
-def run_page(
-    bundle: Bundle, protocol: str, *, shared: bool = False, home: str | None = None
-) -> str:
-    """The page of a run.
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Where a run stands on a board.
 
-    Args:
-        bundle: an evaluated run.
-        protocol: whose metrics.
-        shared: whether script and style lie beside the page, as in a site.
-        home: the page of the site it belongs to.
+    Attributes:
+        board: the board, in words.
+        page: its page in the site, if there is one.
+        places: its rank, or `-`.
+        status: `ok`, or why it has none, and `reason` in words.
+    """
+
+    board: str
+    page: str | None
+    places: str
+    status: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """The site that a run's page belongs to.
+
+    Attributes:
+        home: its first page.
+        stands: where the run stands in it.
+    """
+
+    home: str
+    stands: Sequence[Stand]
+
+
+def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
+    """The page of a run: a file of its own, or a page of a site.
 
     Raises:
         ConfigError: jinja2 isn't installed.
@@ -59,15 +85,21 @@ def run_page(
     """
     record = bundle.record
     suite = record.resolved_suite()
-    rows = read_rows(bundle.checked(f"metrics/{protocol}.csv"))
-    curves = read_curves(bundle.checked(curves_file(protocol)))
-    calibrations = read_calibrations(bundle.checked(CALIBRATIONS), protocol)
+    table, plots = f"metrics/{protocol}.csv", curves_file(protocol)
+    rows = parse_rows(bundle.content(table), bundle.folder / table)
+    curves, calibrations = None, {}
+    if plots in record.files:
+        curves = parse_curves(bundle.content(plots), bundle.folder / plots)
+    if CALIBRATIONS in record.files:
+        path = bundle.folder / CALIBRATIONS
+        calibrations = parse_calibrations(bundle.content(CALIBRATIONS), path, protocol)
     numbers = numbers_of(rows)
     results = results_of(numbers, suite)
+    lines = metrics(rows)
     return render(
         "run.html.j2",
-        shared=shared,
-        home=home,
+        shared=site is not None,
+        home=site.home if site else None,
         record=record,
         suite=suite,
         protocol=protocol,
@@ -75,16 +107,18 @@ def run_page(
         headline=headline(results, numbers, suite),
         results=results,
         columns=COLUMNS,
-        standings=_standings(bundle, protocol),
+        stands=site.stands if site else alone(bundle, protocol),
         gate=_gate(suite),
         statuses=STATUS_WORDS,
         takes=curves.takes if curves else [],
         left_out=curves.left_out if curves else 0,
         has_curves=curves is not None,
         calibrations={r: [_calibration(c) for c in found] for r, found in calibrations.items()},
-        metrics=metrics(rows),
+        headings=HEADINGS,
+        statistics=STATISTICS,
+        metrics=lines[:MOST_ROWS],
+        line_count=len(lines),
         row_count=len(rows),
-        most_rows=MOST_ROWS,
         repairs=[(take.name, repair) for take in record.takes for repair in take.repairs],
         data=_data(curves, forests(results, numbers, suite)),
     )
@@ -96,16 +130,14 @@ def write_report(bundle: Bundle, protocol: str) -> None:
     bundle.enter(REPORT)
 
 
-def _standings(bundle: Bundle, protocol: str) -> list[dict[str, str]]:
-    """Where the run would stand on a leaderboard by itself, or why nowhere."""
+def alone(bundle: Bundle, protocol: str) -> list[Stand]:
+    """Where a run would stand on a leaderboard by itself."""
+    found = leaderboard([bundle.folder], protocol)
     return [
-        {
-            "board": f"{board.key.case}, {board.key.condition}, by {board.key.reference}",
-            "status": entry.status,
-            "reason": entry.reason,
-        }
-        for board in leaderboard([bundle], protocol)
+        Stand(board.title, None, entry.places, entry.status, entry.reason)
+        for board in found.boards
         for entry in board.entries
+        if entry.source == "measured"
     ]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vrbench.config.suite import Suite
-from vrbench.results.report.pages import three
+from vrbench.results.report.pages import number, three
 from vrbench.results.tables import STATUSES, Row
 
 Place = tuple[str, str, str, str, str]
@@ -147,33 +147,39 @@ def headline(
     return tiles[:12]
 
 
-ORDER = ("rmse", "mean", "median", "std", "min", "max", "p95", "sse")
+STATISTICS = ("rmse", "mean", "median", "std", "min", "max", "p95")
 
 
-def metrics(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Every metric, its statistics side by side: of all takes where pooled, else of each take."""
+HEADINGS = ("case", "take", "metric", "point", "band", "segment", "variant", "unit")
+
+
+def metrics(rows: Sequence[Row]) -> list[list[str]]:
+    """Every metric, its statistics side by side: of all takes where pooled, else of each take.
+
+    Returns:
+        the cells of each line: `HEADINGS`, `STATISTICS`, value, samples, status.
+    """
     pooled = {(r.reference, r.case, r.condition, r.metric) for r in rows if r.repeat == "all"}
-    lines: dict[tuple[str, ...], dict[str, Any]] = {}
+    lines: dict[tuple[str, ...], tuple[Row, dict[str, Row]]] = {}
     for row in rows:
         if row.repeat != "all" and (row.reference, row.case, row.condition, row.metric) in pooled:
             continue
         place = (row.reference, row.case, row.condition, row.mount, row.repeat)
         key = (*place, row.metric, row.point, row.band, row.segment, row.variant)
-        line = lines.setdefault(
-            key,
-            {
-                "case": row.case if row.condition == "default" else f"{row.case} {row.condition}",
-                "take": "all" if row.repeat == "all" else f"m{row.mount} r{row.repeat}",
-                "row": row,
-                "cells": {},
-                "single": None,
-            },
-        )
-        if row.statistic in ORDER:
-            line["cells"][row.statistic] = row
-        else:
-            line["single"] = row
-    return list(lines.values())
+        name = row.statistic if row.statistic in STATISTICS or row.statistic == "sse" else "value"
+        lines.setdefault(key, (row, {}))[1][name] = row
+    return [
+        [
+            row.case if row.condition == "default" else f"{row.case} {row.condition}",
+            "all" if row.repeat == "all" else f"m{row.mount} r{row.repeat}",
+            *(row.metric, row.point, row.band, row.segment, row.variant, row.unit),
+            *(number(found[name].value) if name in found else "" for name in STATISTICS),
+            number(found["value"].value) if "value" in found else "",
+            str(row.samples or ""),
+            row.status,
+        ]
+        for row, found in lines.values()
+    ]
 
 
 def forests(
