@@ -103,19 +103,42 @@ def parse_rows(content: bytes, path: Path) -> list[Row]:
     Raises:
         DataError: other columns, or a cell of another type.
     """
+    return rows_of(parse_cells(content, path), path)
+
+
+def parse_cells(content: bytes, path: Path) -> list[list[str]]:
+    """The cells of each row of a metric table, in the order of `COLUMNS`, as they are written.
+
+    Raises:
+        DataError: other columns, or a row of another length.
+    """
     try:
-        lines = csv.reader(content.decode().splitlines())
-        if next(lines, None) != COLUMNS:
-            raise DataError("other columns than a metric table's", file=path, fix=",".join(COLUMNS))
+        lines = list(csv.reader(content.decode().splitlines()))
+    except (ValueError, csv.Error) as error:
+        raise DataError("is no table", file=path, fix=str(error)) from None
+    if not lines or lines[0] != COLUMNS:
+        raise DataError("other columns than a metric table's", file=path, fix=",".join(COLUMNS))
+    odd = next((k for k, cells in enumerate(lines, 1) if len(cells) != len(COLUMNS)), None)
+    if odd is not None:
+        raise DataError(
+            f"row {odd} has {len(lines[odd - 1])} cells", file=path, fix=f"{len(COLUMNS)} a row"
+        )
+    return lines[1:]
+
+
+def rows_of(lines: Iterable[list[str]], path: Path) -> list[Row]:
+    """Rows of cells in the order of `COLUMNS`.
+
+    Raises:
+        DataError: a cell of another type.
+    """
+    try:
         return [_row(cells) for cells in lines]
-    except (ValueError, TypeError, csv.Error) as error:
+    except ValueError as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
 
 
 def _row(cells: list[str]) -> Row:
-    """The row of these cells in the order of `COLUMNS`; quicker than `row_of`, for whole tables."""
-    if len(cells) != len(COLUMNS):
-        raise ValueError(f"{len(cells)} cells, not {len(COLUMNS)}")
     typed: list[Any] = cells.copy()
     for k in _AT:
         typed[k] = float(cells[k]) if cells[k] else None

@@ -232,16 +232,20 @@ function loops(parent, take) {
   });
 }
 
-function drawReport() {
-  const held = document.getElementById("data");
-  if (!held) return;
-  const data = JSON.parse(held.textContent);
-  for (const spec of data.forests) new Forest(document.getElementById("intervals"), spec);
+/** What the page holds as JSON under an id; null where it doesn't. */
+function held(id) {
+  const found = document.getElementById(id);
+  return found ? JSON.parse(found.textContent) : null;
+}
+
+function drawFigures() {
+  for (const spec of held("forests") || []) new Forest(document.getElementById("intervals"), spec);
   const choice = document.getElementById("take");
-  if (!choice) return;
-  const draw = () => figuresOfTake(document.getElementById("figures"), data.takes[choice.selectedIndex]);
+  const curves = held("curves");
+  if (!choice || !curves) return;
+  const draw = () => figuresOfTake(document.getElementById("figures"), curves.takes[choice.selectedIndex]);
   choice.addEventListener("change", draw);
   draw();
 }
 
-drawReport();
+drawFigures();

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +14,8 @@ from vrbench.geometry import quat_to_rotvec
 from vrbench.results.bundle import Bundle, replace_text
 from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, parse_calibrations
 from vrbench.results.leaderboard import leaderboard
-from vrbench.results.plot_data import RunCurves, curves_file, parse_curves
-from vrbench.results.report.pages import render
+from vrbench.results.plot_data import curves_file, parse_curves
+from vrbench.results.report.pages import json_text, render
 from vrbench.results.report.run_tables import (
     COLUMNS,
     HEADINGS,
@@ -25,8 +25,9 @@ from vrbench.results.report.run_tables import (
     metrics,
     numbers_of,
     results_of,
+    shown,
 )
-from vrbench.results.tables import parse_rows
+from vrbench.results.tables import parse_cells, rows_of
 
 REPORT = "report.html"
 # More rows than these would make a table that nobody reads and a page that is slow to load.
@@ -86,16 +87,18 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
     record = bundle.record
     suite = record.resolved_suite()
     table, plots = f"metrics/{protocol}.csv", curves_file(protocol)
-    rows = parse_rows(bundle.content(table), bundle.folder / table)
-    curves, calibrations = None, {}
+    lines = parse_cells(bundle.content(table), bundle.folder / table)
+    rows = rows_of(shown(lines, suite), bundle.folder / table)
+    curves, curves_json, calibrations = None, b"", {}
     if plots in record.files:
-        curves = parse_curves(bundle.content(plots), bundle.folder / plots)
+        curves_json = bundle.content(plots)
+        curves = parse_curves(curves_json, bundle.folder / plots)
     if CALIBRATIONS in record.files:
         path = bundle.folder / CALIBRATIONS
         calibrations = parse_calibrations(bundle.content(CALIBRATIONS), path, protocol)
     numbers = numbers_of(rows)
     results = results_of(numbers, suite)
-    lines = metrics(rows)
+    every = metrics(rows)
     return render(
         "run.html.j2",
         shared=site is not None,
@@ -116,11 +119,12 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
         calibrations={r: [_calibration(c) for c in found] for r, found in calibrations.items()},
         headings=HEADINGS,
         statistics=STATISTICS,
-        metrics=lines[:MOST_ROWS],
-        line_count=len(lines),
-        row_count=len(rows),
+        metrics=every[:MOST_ROWS],
+        line_count=len(every),
+        row_count=len(lines),
         repairs=[(take.name, repair) for take in record.takes for repair in take.repairs],
-        data=_data(curves, forests(results, numbers, suite)),
+        forests=forests(results, numbers, suite),
+        curves=json_text(curves_json.decode()),
     )
 
 
@@ -167,9 +171,3 @@ def _calibration(found: CalibrationRecord) -> dict[str, Any]:
         "residual_mm": found.residual_mm,
         "residual_deg": found.residual_deg,
     }
-
-
-def _data(curves: RunCurves | None, forests: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the script draws from."""
-    takes = [take.model_dump(mode="json") for take in curves.takes] if curves else []
-    return {"forests": list(forests), "takes": takes}

@@ -8,6 +8,7 @@ from typing import Any
 
 from vrbench.config.suite import Suite
 from vrbench.results.report.pages import number, three
+from vrbench.results.tables import COLUMNS as TABLE
 from vrbench.results.tables import STATUSES, Row
 
 Place = tuple[str, str, str, str, str]
@@ -33,6 +34,35 @@ SCOPES = {
     "mount": "speaks for mounts of this sitting",
     "sitting": "speaks for sittings",
 }
+
+
+def shown(lines: Iterable[list[str]], suite: Suite) -> list[list[str]]:
+    """The rows that the page shows, of a table's cells: pooled ones and what tables of takes need.
+
+    Where takes are pooled that is a fifth of them; making rows of all would take a site long.
+    """
+    pooled = {_group(cells) for cells in lines if cells[REPEAT] == "all"}
+    wanted = {(metric, point) for *_, metric, point, _ in COLUMNS}
+    wanted |= {(suite.rank.metric, suite.rank.point), (suite.rank.metric, "")}
+    wanted |= {("floor.total", suite.rank.point)}
+    return [
+        cells
+        for cells in lines
+        if cells[REPEAT] == "all"
+        or _group(cells) not in pooled
+        or ((cells[METRIC], cells[POINT]) in wanted and cells[VARIANT] == "main")
+    ]
+
+
+REPEAT, METRIC, POINT, VARIANT = (
+    TABLE.index(name) for name in ("repeat", "metric", "point", "variant")
+)
+
+
+def _group(cells: list[str]) -> tuple[str, ...]:
+    return (*cells[3:5], cells[9], cells[METRIC])
+
+
 Numbers = Mapping[tuple[str, str, str], Row]
 
 
