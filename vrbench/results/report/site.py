@@ -132,6 +132,7 @@ def _write_run(
 
 def _board_page(board: Board, links: Mapping[str, str]) -> str:
     shown = [entry for entry in board.entries if entry.value is not None][:MOST_INTERVALS]
+    apart = len({tuple(e.ranked_among) for e in board.entries if e.ranked_among}) > 1
     floors = [e.floor for e in board.entries if e.floor is not None and e.unit == board.unit]
     forest = {
         "title": "Devices with their intervals",
@@ -140,14 +141,16 @@ def _board_page(board: Board, links: Mapping[str, str]) -> str:
         "label": board.metric,
         "unit": board.unit,
         "floor": max(floors) if floors and not board.change else None,
-        "rows": [_interval(entry) for entry in shown],
+        "rows": [_interval(entry, apart) for entry in shown],
     }
+    ranked_by = [name for name in STATISTICS if f" {name} " in board.metric]
     return render(
         "board.html.j2",
         shared=True,
         home=HOME,
         board=board,
-        statistics=STATISTICS,
+        apart=apart,
+        statistics=[name for name in STATISTICS if board.change or name not in ranked_by],
         rows=[(entry, _links(entry, links)) for entry in board.entries],
         devices=_distinct(entry.device for entry in board.entries),
         labs=_distinct(entry.lab for entry in board.entries),
@@ -157,9 +160,11 @@ def _board_page(board: Board, links: Mapping[str, str]) -> str:
     )
 
 
-def _interval(entry: Entry) -> dict[str, Any]:
+def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
+    """A line of the chart; where labs are ranked apart, places of several would stand mixed."""
+    place = "" if apart else f"{entry.places}  "
     return {
-        "name": f"{entry.places}  {entry.device}, {entry.lab}",
+        "name": f"{place}{entry.device}, {entry.lab}",
         "pooled": False,
         "status": "ok" if entry.rank is not None else entry.status,
         "value": entry.value,

@@ -3,7 +3,7 @@
 
 /** What a cell is sorted by: its number where it has one, its text otherwise. */
 function sortKey(cell) {
-  const text = (cell.dataset.sort ?? cell.textContent).trim();
+  const text = (cell.dataset.key ?? cell.textContent).trim();
   const value = Number.parseFloat(text.replace(/−/g, "-"));
   return Number.isNaN(value) || !/^[−+\-.\d]/.test(text) ? text : value;
 }
@@ -47,14 +47,18 @@ function filterable(form) {
     const wanted = [...form.querySelectorAll("input, select")].filter((one) => one.value.trim() !== "");
     for (const row of rows) {
       const fits = wanted.every((one) => {
-        if (one.tagName === "SELECT") return row.cells[Number(one.dataset.column)].textContent.trim() === one.value;
+        if (one.tagName === "SELECT") {
+          const cell = row.cells[Number(one.dataset.column)];
+          return (cell.dataset.key ?? cell.textContent.trim()) === one.value;
+        }
         const text = row.textContent.toLowerCase();
         return one.value.toLowerCase().split(/\s+/).every((word) => text.includes(word));
       });
       row.hidden = !fits;
       shown += fits ? 1 : 0;
     }
-    count.textContent = shown === rows.length ? `${shown} rows` : `${shown} of ${rows.length} rows`;
+    const all = `${rows.length} ${rows.length === 1 ? "row" : "rows"}`;
+    count.textContent = shown === rows.length ? all : `${shown} of ${all}`;
   };
   form.addEventListener("input", apply);
   form.addEventListener("submit", (event) => event.preventDefault());
