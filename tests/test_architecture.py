@@ -32,6 +32,7 @@ ORDER = (
         "scoring",
         "variants",
         "evaluation",
+        "verification",
     ),
     "exporting",
     "extraction",

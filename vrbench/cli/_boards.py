@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import click
 
-from vrbench.cli._tables import console, number_text, show_table
+from vrbench.cli._tables import console, show_table
 from vrbench.results.board import Board, Entry, notes
+from vrbench.results.board_formats import significant
 
 # From this width on there is room for all columns.
 WIDE = 120
@@ -18,7 +19,7 @@ def show_boards(boards: Sequence[Board]) -> None:
     wide = console().width >= WIDE
     for board in boards:
         header = ["rank ", "device", "lab", f"{board.unit} ", "95 % ", "floor "]
-        header += ["takes ", "valid % "]
+        header += ["takes ", "valid "]
         if wide:
             header[2:2] = ["firmware", "logger", "prediction"]
             header += ["epochs ", "status"]
@@ -42,13 +43,13 @@ def _subtitle(board: Board) -> str:
 def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
     cells = [
         entry.places,
-        entry.device,
+        entry.name,
         entry.lab,
-        number_text(entry.value),
-        "" if entry.low is None else f"{number_text(entry.low)}-{number_text(entry.high)}",
-        number_text(entry.floor),
-        f"{entry.takes}/{entry.mounts}/{entry.sittings}",
-        number_text(entry.coverage),
+        significant(entry.value),
+        "" if entry.low is None else f"{significant(entry.low, 3)}-{significant(entry.high, 3)}",
+        significant(entry.floor, 3),
+        f"{entry.takes}/{entry.mounts}/{entry.sittings}" if entry.takes else "",
+        significant(entry.coverage, 3),
     ]
     if wide:
         logger = entry.logger
