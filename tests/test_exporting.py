@@ -170,7 +170,7 @@ def test_a_folder_with_files_is_not_written_to(run, tmp_path, form):
 def test_parquet_without_pyarrow_says_the_fix(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(ConfigError, match=r"vrbench\[parquet\]"):
-        export(Bundle.open(run), "parquet", PROTOCOL, tmp_path, lambda *_: None, pytest.fail)
+        export(Bundle.open(run), "parquet", PROTOCOL, tmp_path / "x", lambda *_: None, pytest.fail)
 
 
 def test_a_zip_s_names_lead_nowhere(exported):
