@@ -240,7 +240,7 @@ class Chart {
       for (const band of panel.bands || []) {
         node("path", { d: areaOf(band.x, band.lo, band.hi, x, y), class: `area ${band.cls}` }, plot);
       }
-      for (const line of panel.lines || []) {
+      for (const line of [...(panel.lines || [])].sort((a, b) => Boolean(b.under) - Boolean(a.under))) {
         node("path", { d: pathOf(line.x, line.y, x, y), class: `line ${line.cls}` }, plot);
       }
       for (const dots of panel.dots || []) {

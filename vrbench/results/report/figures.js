@@ -13,7 +13,13 @@ class Forest {
     const save = element("button", { type: "button", class: "save" }, "Save SVG");
     save.setAttribute("aria-label", `Save the figure ${spec.title} as SVG`);
     save.addEventListener("click", () => saveFigure(this.svg, spec.title));
-    this.figure = element("figure", { class: "wide" }, caption, this.svg, element("div", { class: "foot" }, element("span"), save));
+    const list = element("ul", { class: "legend" });
+    if (spec.floor !== null) {
+      const key = node("svg", { width: 26, height: 12, "aria-hidden": "true" });
+      node("rect", { x: 1, y: 1, width: 24, height: 10, class: "floor" }, key);
+      list.append(element("li", {}, key, `noise floor, ${show(spec.floor)} ${spec.unit}`));
+    }
+    this.figure = element("figure", { class: "wide" }, caption, list, this.svg, element("div", { class: "foot" }, element("span"), save));
     parent.append(this.figure);
     new ResizeObserver(() => this.draw()).observe(this.figure);
   }
@@ -21,33 +27,45 @@ class Forest {
   draw() {
     const { rows, floor, unit } = this.spec;
     const width = Math.max(this.svg.parentNode.clientWidth - 2, 240);
-    const step = 24;
+    this.svg.setAttribute("width", width);
+    this.svg.replaceChildren();
+    const names = rows.map((row) =>
+      node("text", { x: 0, class: row.pooled ? "name pooled" : "name" }, this.svg, row.name),
+    );
+    const widest = Math.max(...names.map((name) => name.getComputedTextLength()), 40);
+    // where names would take the plot's room they stand above their intervals
+    const above = widest > width * 0.42;
+    const step = above ? 38 : 24;
+    const middle = (k) => 14 + k * step + (above ? 26 : 12);
     const bottom = 14 + rows.length * step;
     this.svg.setAttribute("viewBox", `0 0 ${width} ${bottom + 44}`);
-    this.svg.setAttribute("width", width);
     this.svg.setAttribute("height", bottom + 44);
-    this.svg.replaceChildren();
-    const names = rows.map((row, k) =>
-      node("text", { x: 0, y: 14 + (k + 0.5) * step + 4, class: row.pooled ? "name pooled" : "name" }, this.svg, row.name),
-    );
-    const left = Math.min(Math.max(...names.map((name) => name.getComputedTextLength()), 40) + 16, width * 0.5);
+    names.forEach((name, k) => {
+      name.setAttribute("y", above ? middle(k) - 10 : middle(k) + 4);
+      name.setAttribute("x", above ? 14 : 0);
+    });
+    const left = above ? 8 : widest + 16;
     const right = width - 62;
     const ends = rows.flatMap((row) => [row.value, row.low ?? row.value, row.high ?? row.value, 0, floor ?? 0]);
     const x = axis({ zero: true }, [ends], null, left, right, width < 480 ? 4 : 8);
-    const grid = node("g", { class: "grid" }, this.svg);
+    const grid = node("g", { class: "grid" });
+    this.svg.prepend(grid);
     for (const [value, text] of x.ticks) {
       node("path", { d: `M${x.at(value).toFixed(1)} 8V${bottom}` }, grid);
       node("text", { x: x.at(value), y: bottom + 16, class: "tick", "text-anchor": "middle" }, this.svg, text);
     }
-    if (floor !== null) {
-      node("rect", { x: left, y: 8, width: x.at(floor) - left, height: bottom - 8, class: "floor" }, this.svg);
-      node("text", { x: x.at(floor) + 4, y: 18, class: "tick" }, this.svg, "noise floor");
+    if (floor !== null && x.at(floor) > left) {
+      const shade = node("rect", { x: left, y: 8, width: x.at(floor) - left, height: bottom - 8, class: "floor" });
+      this.svg.prepend(shade);
+      node("title", {}, shade, `noise floor, ${show(floor)} ${unit}`);
     }
     node("path", { d: `M${left} 8V${bottom}H${right}`, class: "axis" }, this.svg);
-    node("text", { x: (left + right) / 2, y: bottom + 36, class: "label", "text-anchor": "middle" }, this.svg, `${this.spec.label} (${unit})`);
+    const label = node("text", { y: bottom + 36, class: "label", "text-anchor": "middle" }, this.svg, `${this.spec.label} (${unit})`);
+    const half = label.getComputedTextLength() / 2;
+    label.setAttribute("x", Math.max(half, Math.min((left + right) / 2, width - half)));
     rows.forEach((row, k) => {
-      const y = 14 + (k + 0.5) * step;
-      const cls = row.pooled ? "s2" : "s1";
+      const y = middle(k);
+      const cls = row.pooled ? "s2" : row.status === "published" ? "s4" : "s1";
       if (row.low !== null && row.high !== null) {
         const [a, b] = [x.at(row.low), x.at(row.high)].map((value) => value.toFixed(1));
         node("path", { d: `M${a} ${y}H${b}M${a} ${y - 4}V${y + 4}M${b} ${y - 4}V${y + 4}`, class: `line ${cls}` }, this.svg);
@@ -73,7 +91,7 @@ function errorPanel(names, take, x) {
     if (!error) continue;
     const rms = unpack(error.rms);
     if (withMax) bands.push({ name: `largest at the ${title}`, cls, x, lo: rms, hi: unpack(error.max), read: "largest" });
-    lines.push({ name: `rms at the ${title}`, cls, x, y: rms, read: title });
+    lines.push({ name: `rms at the ${title}`, cls, x, y: rms, read: title, under: !withMax });
   }
   return { lines, bands };
 }

@@ -136,7 +136,7 @@ def _board_page(board: Board, links: Mapping[str, str]) -> str:
     floors = [e.floor for e in board.entries if e.floor is not None and e.unit == board.unit]
     forest = {
         "title": "Devices with their intervals",
-        "note": "95 %; hollow: not ranked"
+        "note": "95 %; hollow: not ranked; pub.: printed by others"
         + (f"; the first {len(shown)}" if len(board.entries) > len(shown) else ""),
         "label": board.metric,
         "unit": board.unit,
@@ -155,7 +155,8 @@ def _board_page(board: Board, links: Mapping[str, str]) -> str:
         devices=_distinct(entry.device for entry in board.entries),
         labs=_distinct(entry.lab for entry in board.entries),
         statuses=_distinct(entry.status for entry in board.entries),
-        notes=_shared_notes(board),
+        notices=[note for note in notes(board) if note.startswith("ranked apart")],
+        printed=[note for note in notes(board) if note.startswith("pub.")],
         forests=[forest] if shown else [],
     )
 
@@ -164,7 +165,7 @@ def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
     """A line of the chart; where labs are ranked apart, places of several would stand mixed."""
     place = "" if apart else f"{entry.places}  "
     return {
-        "name": f"{place}{entry.device}, {entry.lab}",
+        "name": f"{place}{entry.name}, {entry.lab}",
         "pooled": False,
         "status": "ok" if entry.rank is not None else entry.status,
         "value": entry.value,
@@ -176,11 +177,6 @@ def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
 def _links(entry: Entry, links: Mapping[str, str]) -> list[tuple[str, str]]:
     """Name and page of each of an entry's runs."""
     return [(Path(run).name, links[run]) for run in entry.runs if run in links]
-
-
-def _shared_notes(board: Board) -> list[str]:
-    """What is to be known of the board as a whole; what is of an entry stands in its row."""
-    return [note for note in notes(board) if note.startswith("ranked apart")]
 
 
 def _distinct(texts: Iterable[str]) -> list[str]:

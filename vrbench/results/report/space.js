@@ -82,7 +82,7 @@ class Space {
       const [u, v] = [a * cy - b * sy, a * sy + b * cy];
       return [width / 2 + u * scale, height / 2 - (c * cp - v * sp) * scale];
     };
-    this.cage(box, flat, size);
+    this.cage(box, flat, size, width);
     const paths = Array.from({ length: CLASSES }, () => "");
     let before = null;
     for (let k = 0; k < xyz[0].length; k += 1) {
@@ -98,7 +98,7 @@ class Space {
   }
 
   /** The box around the path, with the lengths of its sides. */
-  cage(box, flat, size) {
+  cage(box, flat, size, width) {
     const corner = (bits) => box.map((ends, k) => ends[bits[k]]);
     let d = "";
     for (let k = 0; k < 3; k += 1) {
@@ -130,7 +130,10 @@ class Space {
       const at = [best.p[0] + (away[0] / length) * 14, best.p[1] + (away[1] / length) * 14 + 4];
       const anchor = away[0] > 20 ? "start" : away[0] < -20 ? "end" : "middle";
       const side = box[k][1] - box[k][0];
-      node("text", { x: at[0], y: at[1], class: "tick", "text-anchor": anchor }, this.svg, `${"xyz"[k]} ${show(side, size < 10 ? 2 : 3)} m`);
+      const text = node("text", { y: at[1], class: "tick", "text-anchor": anchor }, this.svg, `${"xyz"[k]} ${show(side, size < 10 ? 2 : 3)} m`);
+      const length = text.getComputedTextLength();
+      const before = { start: 0, middle: length / 2, end: length }[anchor];
+      text.setAttribute("x", Math.min(Math.max(at[0], before), width - length + before));
     }
   }
 }
