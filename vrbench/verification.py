@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from vrbench.errors import DataError, VrbenchError
+from vrbench import __version__
+from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.evaluation import evaluate
 from vrbench.plugin.manager import Plugins, families_of
 from vrbench.protocols.registry import builtin_protocols
@@ -51,8 +52,13 @@ def verify_run(folder: Path, plugins: Plugins, tell: Tell) -> list[Finding]:
         folder: the run's.
         plugins: for their metrics.
         tell: told of what is done.
+
+    Raises:
+        ConfigError: no such folder.
     """
     run = str(folder)
+    if not folder.is_dir():
+        raise ConfigError("is not a run", file=folder, fix=f"a folder with {RECORD}")
     tell(run, "files")
     try:
         found = list(_unsafe(folder))
@@ -207,6 +213,9 @@ def _numbers(bundle: Bundle, plugins: Plugins, tell: Tell) -> Iterator[Finding]:
                     yield Finding(run, table, what)
                 if len(told) > TOLD:
                     yield Finding(run, table, f"{len(told) - TOLD} more numbers differ")
+                version = bundle.record.versions.get("vrbench")
+                if told and version != __version__:
+                    yield Finding(run, table, f"it is of vrbench {version}, here is {__version__}")
 
 
 def _phases_of(protocol: str) -> tuple[str, Callable[[Path], Iterable[tuple[str, Cells]]]]:
