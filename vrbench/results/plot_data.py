@@ -24,7 +24,7 @@ LARGEST_FILE = 32 << 20
 MISSING = 0xFFFF
 # All takes of a run together get this many bins, one take no more than the second number: a page
 # of a run stays well under a megabyte however many takes it has.
-BINS_OF_RUN, BINS_OF_TAKE, LEAST_BINS = 12_000, 1_000, 60
+BINS_OF_RUN, BINS_OF_TAKE, LEAST_BINS = 12_000, 4_000, 60
 
 
 class _Strict(BaseModel):
