@@ -131,9 +131,9 @@ class Space {
       const anchor = away[0] > 20 ? "start" : away[0] < -20 ? "end" : "middle";
       const side = box[k][1] - box[k][0];
       const text = node("text", { y: at[1], class: "tick", "text-anchor": anchor }, this.svg, `${"xyz"[k]} ${show(side, size < 10 ? 2 : 3)} m`);
-      const length = text.getComputedTextLength();
-      const before = { start: 0, middle: length / 2, end: length }[anchor];
-      text.setAttribute("x", Math.min(Math.max(at[0], before), width - length + before));
+      const wide = text.getComputedTextLength();
+      const before = { start: 0, middle: wide / 2, end: wide }[anchor];
+      text.setAttribute("x", Math.min(Math.max(at[0], before), width - wide + before));
     }
   }
 }
