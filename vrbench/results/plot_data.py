@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vrbench.config.yaml_file import validate
 from vrbench.errors import DataError
@@ -196,6 +196,10 @@ def parse_curves(content: bytes, path: Path) -> RunCurves:
         raise DataError(
             f"has {len(content)} bytes", file=path, fix=f"curves have {LARGEST_FILE} at most"
         )
+    try:
+        return RunCurves.model_validate_json(content)
+    except ValidationError:
+        pass  # the slower way says what is wrong, and where
     try:
         return validate(json.loads(content), RunCurves, path)
     except (ValueError, RecursionError) as error:

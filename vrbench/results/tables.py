@@ -113,7 +113,10 @@ def parse_cells(content: bytes, path: Path) -> list[list[str]]:
         DataError: other columns, or a row of another length.
     """
     try:
-        lines = list(csv.reader(content.decode().splitlines()))
+        written = content.decode().splitlines()
+        # what no quote stands in needs no parser, which takes three times as long
+        plain = b'"' not in content
+        lines = [line.split(",") for line in written] if plain else list(csv.reader(written))
     except (ValueError, csv.Error) as error:
         raise DataError("is no table", file=path, fix=str(error)) from None
     if not lines or lines[0] != COLUMNS:

@@ -114,6 +114,9 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
         gate=_gate(suite),
         statuses=STATUS_WORDS,
         takes=curves.takes if curves else [],
+        first_take=next(
+            (k for k, take in enumerate(curves.takes if curves else []) if take.role == "scored"), 0
+        ),
         left_out=curves.left_out if curves else 0,
         has_curves=curves is not None,
         calibrations={r: [_calibration(c) for c in found] for r, found in calibrations.items()},

@@ -42,20 +42,22 @@ def shown(lines: Iterable[list[str]], suite: Suite) -> list[list[str]]:
     Where takes are pooled that is a fifth of them; making rows of all would take a site long.
     """
     pooled = {_group(cells) for cells in lines if cells[REPEAT] == "all"}
-    wanted = {(metric, point) for *_, metric, point, _ in COLUMNS}
-    wanted |= {(suite.rank.metric, suite.rank.point), (suite.rank.metric, "")}
-    wanted |= {("floor.total", suite.rank.point)}
+    rank = suite.rank
+    wanted = {column[3:] for column in COLUMNS}
+    wanted |= {("floor.total", rank.point, "value"), (rank.metric, rank.point, rank.statistic)}
+    # a take that has no numbers says why in a row of its own
+    wanted.add((rank.metric, "", "value"))
     return [
         cells
         for cells in lines
         if cells[REPEAT] == "all"
         or _group(cells) not in pooled
-        or ((cells[METRIC], cells[POINT]) in wanted and cells[VARIANT] == "main")
+        or ((cells[METRIC], cells[POINT], cells[STATISTIC]) in wanted and cells[VARIANT] == "main")
     ]
 
 
-REPEAT, METRIC, POINT, VARIANT = (
-    TABLE.index(name) for name in ("repeat", "metric", "point", "variant")
+REPEAT, METRIC, POINT, STATISTIC, VARIANT = (
+    TABLE.index(name) for name in ("repeat", "metric", "point", "statistic", "variant")
 )
 
 
