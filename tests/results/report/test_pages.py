@@ -15,7 +15,8 @@ from vrbench.results.bundle import Bundle
 from vrbench.results.report import pages
 from vrbench.results.report.pages import cells, fixed, json_text, number, three
 from vrbench.results.report.run_page import run_page, write_report
-from vrbench.results.tables import read_rows
+from vrbench.results.report.run_tables import numbers_of, results_of, shown
+from vrbench.results.tables import Row, parse_cells, read_rows, rows_of
 
 PROTOCOL = "vrbench-1"
 TABLE = "metrics/vrbench-1.csv"
@@ -158,3 +159,52 @@ def test_without_jinja2_the_fix_is_told(run, monkeypatch):
     with pytest.raises(ConfigError, match=r"vrbench\[report\]"):
         run_page(Bundle.open(run), PROTOCOL)
     pages._environment.cache_clear()
+
+
+def as_row(**cells):
+    common = {
+        "protocol": PROTOCOL,
+        "device": "d",
+        "suite": "s@1",
+        "case": "replay",
+        "condition": "default",
+        "sitting": "1",
+        "mount": "1",
+        "repeat": "1",
+        "segment": "all",
+        "reference": "robot",
+        "variant": "main",
+        "metric": "ape.translation.aligned",
+        "point": "eye",
+        "band": "all",
+        "statistic": "rmse",
+        "value": None,
+        "unit": "mm",
+    }
+    return Row(**{**common, **cells})
+
+
+def test_a_take_of_several_world_frames_counts_as_the_worst_of_them(short_suite):
+    rows = [
+        as_row(metric="clock.offset", point="", statistic="value", value=1.0, unit="ms"),
+        as_row(metric="latency.lead", statistic="value", status="skipped", reason="not asked"),
+        as_row(segment="epoch:0", value=2.0),
+        as_row(segment="epoch:1", status="invalid", reason="no calibration"),
+    ]
+    (lines,) = results_of(rows, numbers_of(rows), short_suite).values()
+    assert [(line.status, line.reason) for line in lines] == [("invalid", "no calibration")]
+
+
+def test_rows_that_the_page_needs_are_kept_and_their_number_is_small(run):
+    lines = parse_cells((run / TABLE).read_bytes(), run / TABLE)
+    suite = Bundle.open(run).record.resolved_suite()
+    kept = rows_of(shown(lines, suite), run / TABLE)
+    every = rows_of(lines, run / TABLE)
+    assert len(kept) < 0.6 * len(every)
+    assert results_of(kept, numbers_of(kept), suite).keys() == {"robot"}
+    for few, all_ in zip(
+        results_of(kept, numbers_of(kept), suite)["robot"],
+        results_of(every, numbers_of(every), suite)["robot"],
+        strict=True,
+    ):
+        assert few == all_

@@ -97,7 +97,7 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
         path = bundle.folder / CALIBRATIONS
         calibrations = parse_calibrations(bundle.content(CALIBRATIONS), path, protocol)
     numbers = numbers_of(rows)
-    results = results_of(numbers, suite)
+    results = results_of(rows, numbers, suite)
     every = metrics(rows)
     return render(
         "run.html.j2",

@@ -73,8 +73,7 @@ def numbers_of(rows: Iterable[Row]) -> dict[Place, dict[tuple[str, str, str], Ro
     found: dict[Place, dict[tuple[str, str, str], Row]] = {}
     for row in rows:
         if (row.variant, row.band, row.segment) == ("main", "all", "all"):
-            place = (row.reference, row.case, row.condition, row.mount, row.repeat)
-            found.setdefault(place, {})[row.metric, row.point, row.statistic] = row
+            found.setdefault(_place(row), {})[row.metric, row.point, row.statistic] = row
     return found
 
 
@@ -99,8 +98,11 @@ class Result:
     reason: str
 
 
-def results_of(numbers: Mapping[Place, Numbers], suite: Suite) -> dict[str, list[Result]]:
+def results_of(
+    rows: Sequence[Row], numbers: Mapping[Place, Numbers], suite: Suite
+) -> dict[str, list[Result]]:
     """The lines by reference: each group's takes, then the group as a whole."""
+    standings = _standings(rows, suite)
     lines: dict[str, list[Result]] = {}
     for place, found in numbers.items():
         reference, case, condition, mount, repeat = place
@@ -111,7 +113,7 @@ def results_of(numbers: Mapping[Place, Numbers], suite: Suite) -> dict[str, list
         named = case if condition == "default" else f"{case} {condition}"
         named += ", all takes" if pooled else f", mount {mount}, repeat {repeat}"
         ranked = found.get((suite.rank.metric, suite.rank.point, suite.rank.statistic))
-        status, reason = _standing(found, suite)
+        status, reason = standings.get(place, ("skipped", f"{suite.rank.metric} was not computed"))
         lines.setdefault(reference, []).append(
             Result(place, named, pooled, cells, ranked, status, reason)
         )
@@ -121,13 +123,23 @@ def results_of(numbers: Mapping[Place, Numbers], suite: Suite) -> dict[str, list
     return lines
 
 
-def _standing(found: Numbers, suite: Suite) -> tuple[str, str]:
-    """How a take counts: as its ranking number does, or the first row of that metric."""
-    rows = [row for row in found.values() if row.metric == suite.rank.metric]
-    if not rows:
-        rows = list(found.values())
-    worst = min(rows, key=lambda row: STATUSES.index(row.status) if row.status in STATUSES else -1)
-    return worst.status, worst.reason
+def _standings(rows: Iterable[Row], suite: Suite) -> dict[Place, tuple[str, str]]:
+    """How each take counts, and why: as the worst of its ranking numbers, of all its epochs."""
+    found: dict[Place, Row] = {}
+    for row in rows:
+        if row.metric == suite.rank.metric and row.variant == "main":
+            worst = found.setdefault(_place(row), row)
+            if _gravity(row) < _gravity(worst):
+                found[_place(row)] = row
+    return {place: (row.status, row.reason) for place, row in found.items()}
+
+
+def _gravity(row: Row) -> int:
+    return STATUSES.index(row.status) if row.status in STATUSES else -1
+
+
+def _place(row: Row) -> Place:
+    return (row.reference, row.case, row.condition, row.mount, row.repeat)
 
 
 def headline(
@@ -196,8 +208,7 @@ def metrics(rows: Sequence[Row]) -> list[list[str]]:
     for row in rows:
         if row.repeat != "all" and (row.reference, row.case, row.condition, row.metric) in pooled:
             continue
-        place = (row.reference, row.case, row.condition, row.mount, row.repeat)
-        key = (*place, row.metric, row.point, row.band, row.segment, row.variant)
+        key = (*_place(row), row.metric, row.point, row.band, row.segment, row.variant)
         name = row.statistic if row.statistic in STATISTICS or row.statistic == "sse" else "value"
         lines.setdefault(key, (row, {}))[1][name] = row
     return [
