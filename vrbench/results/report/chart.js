@@ -111,6 +111,32 @@ function axis(spec, columns, zoom, from, to, count) {
   return { lo, hi, at, back, ticks: spec.log ? logTicks(lo, hi) : linearTicks(lo, hi, count) };
 }
 
+const FOLDS = {
+  rms: (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length),
+  mean: (values) => values.reduce((sum, value) => sum + value, 0) / values.length,
+  max: (values) => Math.max(...values),
+};
+
+/** A line or band with neighbours taken together where it has more points than there is room for. */
+function folded(one, x, room) {
+  if (!one.fold) return one;
+  const inside = one.x.reduce((n, value) => n + (value !== null && value >= x.lo && value <= x.hi), 0);
+  const each = Math.ceil(inside / room);
+  if (each < 2) return one;
+  const fold = (column, how) => {
+    const values = [];
+    for (let k = 0; k < column.length; k += each) {
+      const some = column.slice(k, k + each).filter((value) => value !== null);
+      values.push(some.length ? FOLDS[how](some) : null);
+    }
+    return values;
+  };
+  const made = { ...one, x: fold(one.x, "mean") };
+  if (one.y) made.y = fold(one.y, one.fold);
+  if (one.lo) Object.assign(made, { lo: fold(one.lo, one.fold), hi: fold(one.hi, "max") });
+  return made;
+}
+
 /** The `d` of a line; it breaks at gaps. */
 function pathOf(xs, ys, x, y) {
   let d = "";
@@ -237,10 +263,12 @@ class Chart {
         const from = x.at(a);
         node("rect", { x: from, y: top, width: Math.max(x.at(b) - from, 1), height: each, class: "gap" }, plot);
       }
-      for (const band of panel.bands || []) {
+      const room = (right - left) / 1.6;
+      for (const band of (panel.bands || []).map((one) => folded(one, x, room))) {
         node("path", { d: areaOf(band.x, band.lo, band.hi, x, y), class: `area ${band.cls}` }, plot);
       }
-      for (const line of [...(panel.lines || [])].sort((a, b) => Boolean(b.under) - Boolean(a.under))) {
+      const lines = (panel.lines || []).map((one) => folded(one, x, room));
+      for (const line of lines.sort((a, b) => Boolean(b.under) - Boolean(a.under))) {
         node("path", { d: pathOf(line.x, line.y, x, y), class: `line ${line.cls}` }, plot);
       }
       for (const dots of panel.dots || []) {

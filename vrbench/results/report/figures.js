@@ -90,8 +90,8 @@ function errorPanel(names, take, x) {
     const error = take.errors[name];
     if (!error) continue;
     const rms = unpack(error.rms);
-    if (withMax) bands.push({ name: `largest at the ${title}`, cls, x, lo: rms, hi: unpack(error.max), read: "largest" });
-    lines.push({ name: `rms at the ${title}`, cls, x, y: rms, read: title, under: !withMax });
+    if (withMax) bands.push({ name: `largest at the ${title}`, cls, x, lo: rms, hi: unpack(error.max), read: "largest", fold: "rms" });
+    lines.push({ name: `rms at the ${title}`, cls, x, y: rms, read: title, under: !withMax, fold: "rms" });
   }
   return { lines, bands };
 }
@@ -113,7 +113,7 @@ function figuresOfTake(parent, take) {
   const marks = take.marks;
   const where = take.point === "eye" ? "eye" : "tcp";
   const each = take.bin_s >= 1 ? `${show(take.bin_s)} s` : `${show(take.bin_s * 1000)} ms`;
-  const binned = `${each} a point`;
+  const binned = `points of ${each}`;
   new Space(parent, {
     title: `Path of the ${where}`,
     note: eye ? "coloured by the error" : "of the reference",
@@ -158,7 +158,7 @@ function figuresOfTake(parent, take) {
         title: "Error by axis", note: `at the eye, mean, ${binned}`, summary: "Mean error vector over time.", x: seconds, gaps, marks,
         panels: AXES.map((name, k) => ({
           label: `${name} (mm)`, unit: "mm", y: { even: true },
-          lines: [{ cls: "s1", x: time, y: drift[k], read: name }],
+          lines: [{ cls: "s1", x: time, y: drift[k], read: name, fold: "mean" }],
         })),
         height: 66,
       });
@@ -229,7 +229,7 @@ function coverage(parent, take, seconds) {
     note: `${take.missing.length} ${take.missing.length === 1 ? "gap" : "gaps"}, ${show(lost)} s in all${events}`,
     summary: `Poses are missing for ${show(lost)} of ${show(take.duration_s, 4)} seconds.`,
     x: seconds, gaps: take.missing, marks: take.marks,
-    panels: [{ label: "true speed (m/s)", unit: "m/s", y: { zero: true }, lines: [{ cls: "s3", x: times(take), y: speed, read: "speed" }] }],
+    panels: [{ label: "true speed (m/s)", unit: "m/s", y: { zero: true }, lines: [{ cls: "s3", x: times(take), y: speed, read: "speed", fold: "mean" }] }],
   });
 }
 
