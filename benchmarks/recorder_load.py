@@ -1,9 +1,10 @@
-"""What recording costs: a 120 Hz headset, 1000 Hz motion capture and a 500 Hz robot, for a minute.
+"""What recording costs: a 120 Hz headset, 1000 Hz motion capture and a 500 Hz robot.
 
-    python benchmarks/recorder_load.py [--seconds 60]
+    python benchmarks/recorder_load.py [--seconds 600]
 
 Each source is a thread that stamps samples at its rate, as receivers of real devices do; the
-recorder writes them into a take, which is read back. Prints what arrived, and the processor time.
+recorder writes them into a take, which is read back. Prints what arrived, the processor time of it
+all, sources included, and the memory at every tenth of the time.
 """
 
 from __future__ import annotations
@@ -81,24 +82,35 @@ def cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def resident_mb() -> float:
+    """Memory of this process that is in use now [MB]; on Linux."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
 def main() -> None:
     """Records, reads back, prints."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seconds", type=float, default=600.0)
     seconds = parser.parse_args().seconds
     host = RealClock()
     sources = [Source(stream, rate, host) for stream, rate in RATES.items()]
 
+    memory: list[float] = []
+
     def movement():
         begin = time.monotonic()
         while (done := (time.monotonic() - begin) / seconds) < 1.0:
+            if len(memory) <= 10 * done:
+                memory.append(resident_mb())
             yield done
             time.sleep(0.1)
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "load.mcap"
         wall, cpu = time.monotonic(), cpu_s()
-        record_take(path, {}, sources, movement(), host, lambda *_: None)
+        devices = {source.stream.partition("/")[0]: source for source in sources}
+        record_take(path, {}, devices, movement(), host, lambda _: None)
         wall, cpu = time.monotonic() - wall, cpu_s() - cpu
         columns = read_take(path)
         size = path.stat().st_size
@@ -113,6 +125,7 @@ def main() -> None:
         "joint states": len(columns.joints["robot/joints"]),
         "lost": lost,
         "cores": round(cpu / wall, 3),
+        "resident megabytes": [round(mb, 1) for mb in memory],
         "megabytes": round(size / 1e6, 1),
     }
     print(json.dumps(told, indent=1))

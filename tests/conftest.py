@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from vrbench.config.suite import Suite, load_suite
 from vrbench.evaluation import evaluate
 from vrbench.plugin.manager import Plugins, families_of
 from vrbench.protocols.vrbench_1 import PROTOCOL
+from vrbench.recording.monitor import Progress
 from vrbench.results.bundle import Bundle
 from vrbench.runner import record_suite
 
@@ -37,7 +37,10 @@ class Quiet:
     def take(self, name: str, index: int, total: int) -> None:
         pass
 
-    def moving(self, received: Mapping[str, int], done: float) -> None:
+    def moving(self, progress: Progress) -> None:
+        pass
+
+    def notice(self, text: str) -> None:
         pass
 
 

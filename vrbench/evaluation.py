@@ -6,7 +6,10 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from vrbench.comparison import baseline_rows
+from vrbench.crosscheck import crosscheck_rows
 from vrbench.errors import EstimationError
+from vrbench.loops import loop_rows
 from vrbench.metrics.registry import Family
 from vrbench.protocols.body import Shapes, body_shapes, usable
 from vrbench.protocols.calibration import Calibration, Verdict
@@ -17,7 +20,7 @@ from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.plot_curves import take_curves
 from vrbench.results.plot_data import TakeCurves, bins_for, curves_file, write_curves
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.scoring import Rules, Scored, failed_take, score, with_interval
+from vrbench.scoring import Rules, Scored, score, unscored_take, with_interval
 from vrbench.statistics.uncertainty import intervals
 from vrbench.variants import variant_rows
 
@@ -59,8 +62,8 @@ def evaluate(
         for take in bundle.record.takes:
             tell(take.name, done, total)
             done += 1
-            if take.status == "failed":
-                failed = failed_take(rules, take, take.reason)
+            if take.status != "ok":
+                failed = unscored_take(rules, take, Verdict(take.status, take.reason))
                 rows += failed.rows
                 groups[take.case, take.condition].append(failed)
                 continue
@@ -69,7 +72,9 @@ def evaluate(
             good, failures = usable(*calibrations[take.mount], body_shapes(columns, reference))
             scored = score(own, take, columns, good, failures)
             variants = variant_rows(own, scored, columns, good)
-            scored = replace(scored, rows=[*scored.rows, *variants])
+            loops = loop_rows(own, scored, columns)
+            both = crosscheck_rows(own, take, columns)
+            scored = replace(scored, rows=[*scored.rows, *variants, *loops, *both])
             rows += scored.rows
             phases += phase_rows(take, scored.whole, own.reference)
             if scored.whole is not None:
@@ -80,6 +85,7 @@ def evaluate(
         for group in groups.values():
             rows += _rows_of_repeats(rules, group)
             rows += _pooled(rules, group)
+        rows += baseline_rows(rules, groups, phases)
     table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
     write_rows(rows, bundle.folder / table)
     write_phases(phases, bundle.folder / by_phase)
@@ -101,7 +107,7 @@ def calibrated(
     if protocol.calibrate is None:
         return good, failures, bodies
     for take in bundle.record.takes:
-        if take.mount == mount and take.role == "calibration":
+        if take.mount == mount and take.role != "scored" and take.status != "skipped":
             if take.status == "failed":
                 failures[take.name] = take.reason
                 continue

@@ -81,31 +81,30 @@ def ready(bundle: Bundle, protocol: Protocol, tell: Tell, complain: Complain) ->
         for take in bundle.record.takes:
             tell(take.name, done, total)
             done += 1
-            if take.status == "failed":
+            if take.status != "ok":
                 complain(f"{take.name}: {take.reason}")
                 continue
             columns = bundle.columns(take)
             own = replace(rules, reference=protocol.reference(columns, reference))
             good, _ = usable(*calibrations[take.mount], body_shapes(columns, reference))
             try:
-                whole, parts, _ = prepared(own, take, columns, good)
+                found = prepared(own, take, columns, good)
             except (EstimationError, DataError) as error:
                 complain(f"{take.name}: {error}")
                 continue
-            found = parts if any(not isinstance(part, str) for part in parts.values()) else {}
-            for name, part in (found or {"all": whole}).items():
+            device = bundle.record.device.headset
+            for name, part in found.parts.items():
                 if isinstance(part, str):
                     complain(f"{take.name} {name}: {part}")
-                else:
-                    device = bundle.record.device.headset
-                    yield Part(device, take.name, own.reference, part)
+            for part in (found.ready or {"all": found.whole}).values():
+                yield Part(device, take.name, own.reference, part)
 
 
 def _streams(bundle: Bundle) -> list[str]:
     """The pose streams of the takes, the headset's first; what was planned is left out."""
     streams: dict[str, None] = {}
     for take in bundle.record.takes:
-        if take.status != "failed":
+        if take.status == "ok":
             streams |= dict.fromkeys(bundle.columns(take).poses)
     kept = [stream for stream in streams if not stream.endswith("/target")]
     return sorted(kept, key=lambda stream: (not stream.startswith("headset"), stream))

@@ -276,6 +276,8 @@ OPENXR = Axes(up="y", forward="-z")
 UNITY = Axes(up="y", forward="z", handedness="left")
 UNREAL = Axes(up="z", forward="x", handedness="left", unit_m=0.01)
 ROS = Axes(up="z", forward="x")
+CONVENTIONS = {"openxr": OPENXR, "unity": UNITY, "unreal": UNREAL, "ros": ROS}
+"""By the names that users write."""
 
 
 def unity_to_openxr(pose: Transform) -> Transform:

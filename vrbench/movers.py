@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
 from typing import Protocol
 
+from vrbench.config.case import ALL, OPENING, UNCOVERED
 from vrbench.config.rig import Rig
-from vrbench.config.suite import Step, Suite
-from vrbench.devices.ports import Operator, Plan, Robot, Session
+from vrbench.config.suite import Case, Step, Suite
+from vrbench.course import Course, Diary, told
+from vrbench.devices.ports import HeadsetProfile, Occlusion, Operator, Plan, Robot, Session
 from vrbench.errors import ConfigError
-from vrbench.motion.generators import generate
 from vrbench.motion.motion import at_speed
 from vrbench.permission import Permission
+from vrbench.recording.interrupt import Interrupt
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +27,16 @@ class Movement:
         digest: and its digest.
         steps: moves while it is iterated, and yields the part done, 0..1; closed, it stops.
         plan: that a robot carries out; a person has none.
+        diary: of what happens meanwhile.
+        facts: what the take is to say of it besides, text by name.
     """
 
     motion: str
     digest: str
     steps: Generator[float]
     plan: Plan | None = None
+    diary: Diary | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 class Mover(Protocol):
@@ -45,14 +52,16 @@ class Mover(Protocol):
 
 
 class RobotMover:
-    """Carries motions out by a robot; an operator fixes the headset anew between mounts.
+    """Carries motions out by a robot; an operator fixes the headset anew, and covers its cameras.
 
     Args:
         suite: whose motions.
         robot: connected.
         session: that it was opened with.
+        profile: of the headset.
         operator: does by hand what must be done.
         permission: to move a real robot; asked for at the start and after every prompt.
+        mount: that the headset is fixed in now.
     """
 
     def __init__(
@@ -60,13 +69,16 @@ class RobotMover:
         suite: Suite,
         robot: Robot,
         session: Session,
+        profile: HeadsetProfile,
         operator: Operator,
         permission: Permission | None,
+        *,
+        mount: int = 1,
     ) -> None:
-        self._motions = {name: generate(motion) for name, motion in suite.motions.items()}
-        self._robot, self._session = robot, session
+        self._motions = {name: suite.motion(name) for name in suite.motions}
+        self._robot, self._session, self._profile = robot, session, profile
         self._operator, self._permission = operator, permission
-        self._mount = 1
+        self._mount, self._level = mount, UNCOVERED
 
     def begin(self) -> None:
         """Asks for leave to move."""
@@ -74,17 +86,73 @@ class RobotMover:
             self._permission.again(self._session.permit)
 
     def ready(self, step: Step) -> Movement:
-        """Has the headset fixed anew where the step wants that, and goes to where it starts."""
+        """Has done by hand what the step wants, and goes to where it starts.
+
+        Raises:
+            ConfigError: the headset has no such occlusion level, or nobody is there.
+        """
+        case, session = step.case, self._session
         if step.mount != self._mount:
             self._mount = step.mount
-            self._session.permit.revoke()
+            session.permit.revoke()
             self._operator.remount(step.mount)
             self.begin()
-        motion = self._motions[step.case.motion]
-        plan = self._robot.plan(at_speed(motion, step.case.speed))
-        for _ in self._robot.prepare(plan):
-            pass
-        return Movement(motion.name, motion.digest, self._robot.execute(plan), plan)
+        if case.occlude != self._level:
+            self.cover(self._occlusion(case.occlude))
+        motion = self._motions[case.motion]
+        plan = self._robot.plan(at_speed(motion, case.speed))
+        opening = None
+        if case.looped:
+            opening = self._robot.plan(self._motions[OPENING].trajectory)
+        with Interrupt() as interrupt, closing(self._robot.prepare(opening or plan)) as way:
+            for _ in way:
+                interrupt.check()
+        diary = Diary(session.host)
+        diary.before("occlusion", **told(self._occlusion(case.occlude)))
+        course = Course(
+            *(case, plan, opening),
+            robot=self._robot,
+            host=session.host,
+            hands=self,
+            occlusion=self._occlusion,
+            diary=diary,
+        )
+        facts = {"loop_s": f"{plan.target.duration_s:.9g}"} if case.looped else {}
+        return Movement(motion.name, motion.digest, course.run(), plan, diary, facts)
+
+    def cover(self, occlusion: Occlusion) -> None:
+        """Has cameras covered: hands are at the headset, so nothing may move before it is allowed.
+
+        Raises:
+            ConfigError: nobody is there.
+        """
+        self._session.permit.revoke()
+        self._operator.cover(occlusion)
+        self._level = occlusion.level
+        self.begin()
+
+    def recentre(self) -> None:
+        """Has the headset's world recentred, from outside the robot's reach."""
+        self._operator.recentre()
+
+    def _occlusion(self, level: str) -> Occlusion:
+        found = self._profile.covered(level)
+        if found is None:
+            raise ConfigError(lacking_level(level, self._profile), field="occlude")
+        return found
+
+
+def lacking(case: Case, profile: HeadsetProfile) -> str | None:
+    """Why a case can't be recorded with this headset: an occlusion level it lacks; or None."""
+    levels = [case.occlude, *(cue.level for cue in case.events if cue.level is not None)]
+    absent = [level for level in levels if profile.covered(level) is None]
+    return lacking_level(absent[0], profile) if absent else None
+
+
+def lacking_level(level: str, profile: HeadsetProfile) -> str:
+    """What to say of an occlusion level that a headset lacks."""
+    known = ", ".join(dict.fromkeys((UNCOVERED, *profile.occlusion, ALL)))
+    return f"the headset's profile has no occlusion level {level!r}: it has {known}"
 
 
 def robots_references(suite: Suite, rig: Rig, rig_name: str) -> list[str]:

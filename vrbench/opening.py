@@ -26,17 +26,20 @@ class Devices:
 
     Attributes:
         session: what they were opened with; it has a stage where they are simulated.
+        profile: of the headset that is ranked.
     """
 
     session: Session
+    profile: HeadsetProfile
     headset: PoseSource
     robot: Robot | None = None
     mocap: PoseSource | None = None
 
     @property
-    def sources(self) -> list[PoseSource]:
+    def sources(self) -> dict[str, PoseSource]:
         """All that send poses, the headset last: references stand ready when it starts."""
-        return [x for x in (self.robot, self.mocap, self.headset) if x is not None]
+        found = {"robot": self.robot, "mocap": self.mocap, "headset": self.headset}
+        return {name: source for name, source in found.items() if source is not None}
 
 
 def is_simulated(rig: Rig, rig_name: str) -> bool:
@@ -117,7 +120,23 @@ def open_rig(rig: Rig, rig_name: str, plugins: Plugins, seed: int, stack: ExitSt
     if rig.mocap is not None:
         mocap = stack.enter_context(system.open(system_options, session))
     headset = stack.enter_context(route.open(headset_options, profile, session))
-    return Devices(session, headset, robot, mocap)
+    return Devices(session, profile, headset, robot, mocap)
+
+
+def nominal_rates(rig: Rig, rig_name: str, plugins: Plugins) -> dict[str, float]:
+    """How often each of a rig's devices is to send [Hz], by `robot`, `mocap`, `headset`.
+
+    Raises:
+        ConfigError: a device isn't there.
+    """
+    rates = {"headset": headset_profile(rig, rig_name, plugins).rate_hz}
+    if rig.robot is not None:
+        arm = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
+        rates["robot"] = arm.rate_hz
+    if rig.mocap is not None:
+        system = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
+        rates["mocap"] = system.rate_hz
+    return rates
 
 
 def accuracy_of(rig: Rig) -> dict[str, AccuracyRecord]:

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from vrbench.config.case import OPENING
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
 from vrbench.devices.permit import Permit, confirm, require, run_hash
 from vrbench.devices.ports import MotionPlanner, Plan
 from vrbench.errors import ConfigError
-from vrbench.motion.generators import generate
 from vrbench.motion.motion import at_speed
 from vrbench.plugin.manager import Plugins, check_options, pick
 
@@ -97,10 +97,13 @@ def plan_suite(
     options = check_options(rig.robot.options, spec.options, field="robot.options", file=rig_name)
     planner = spec.planner(options, rig.mounting.tcp_eye.transform())
     host = getattr(options, "host", None)
-    wanted = sorted({(suite.motions[case.motion], case.speed) for case in suite.cases})
+    moves = {(case.motion, case.speed) for case in suite.all_cases()}
+    if any(case.looped for case in suite.all_cases()):
+        moves.add((OPENING, 1.0))
+    wanted = {(suite.motion(key).name, speed): suite.motion(key) for key, speed in sorted(moves)}
     plans = {}
-    for index, (name, speed) in enumerate(wanted):
-        motion = at_speed(generate(name), speed)
+    for index, ((name, speed), moved) in enumerate(wanted.items()):
+        motion = at_speed(moved, speed)
 
         def tell(what: str, done: float, name: str = name, index: int = index) -> None:
             progress(f"{name}: {what}", (index + done) / len(wanted))

@@ -2,44 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
 
 from vrbench.capture import Person, PersonMover, SimulatedPerson, persons_references
 from vrbench.config.rig import Rig
-from vrbench.config.suite import Step, Suite
+from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import as_yaml
 from vrbench.devices.ports import Operator
 from vrbench.devices.simulated.stage import SimulatedOperator
-from vrbench.errors import ConfigError
-from vrbench.movers import Mover, RobotMover, robots_references
-from vrbench.opening import Devices, accuracy_of, is_simulated, open_rig
+from vrbench.errors import ConfigError, VrbenchError
+from vrbench.forecast import check_room, run_bytes
+from vrbench.movers import Mover, RobotMover, lacking, robots_references
+from vrbench.opening import Devices, accuracy_of, is_simulated, nominal_rates, open_rig
 from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
-from vrbench.recording.recorder import record_take
+from vrbench.recording.guard import DiskFullError
 from vrbench.results.bundle import (
     Bundle,
     DeviceRecord,
     RunRecord,
-    TakeRecord,
-    file_digest,
+    require_new,
     utc_now,
     versions,
 )
+from vrbench.results.lock import locked
+from vrbench.resuming import ended, left, resumed
+from vrbench.steps import Watcher, record_step, skip_step
+from vrbench.trajectory import NS
+
+# Of everything random, where nobody says another.
+SEED = 1
 
 
-class Watcher(Protocol):
-    """Told how a run goes on."""
+class InterruptedRunError(VrbenchError):
+    """Somebody stopped the run by Ctrl-C; exit code 1."""
 
-    def take(self, name: str, index: int, total: int) -> None:
-        """A take begins, the index-th of so many."""
-        ...
-
-    def moving(self, received: Mapping[str, int], done: float) -> None:
-        """Poses received by stream, and the part of the movement done, 0..1."""
-        ...
+    exit_code = 1
 
 
 def record_suite(
@@ -49,48 +49,113 @@ def record_suite(
     folder: Path,
     plugins: Plugins,
     *,
-    seed: int,
     watcher: Watcher,
+    seed: int | None = None,
     operator: Operator | None = None,
     person: Person | None = None,
     permission: Permission | None = None,
     licence: str | None = None,
     consent: str | None = None,
+    resume: bool = False,
 ) -> Bundle:
-    """Records all takes of a suite into a new bundle.
+    """Records all takes of a suite into a bundle.
 
     Args:
         suite: what to run.
         rig: with what.
         rig_name: the rig's path or name, for messages.
-        folder: the new bundle's folder.
+        folder: the bundle's folder: new, or that of the run that is gone on with.
         plugins: for their devices.
-        seed: of everything random, so that a simulated run can be made again.
         watcher: told how it goes on.
+        seed: of everything random, so that a simulated run can be made again; 1, or that of the run
+            that is gone on with.
         operator: who fixes the headset anew on a real rig; a simulated one has its own.
         person: who moves, where the suite says so; a simulated rig has a person of its own.
         permission: to move a real robot; asked for at the start and after every operator prompt.
         licence: under which a person's motion may be used.
         consent: how the person agreed to that.
+        resume: whether to go on with a run, and to record only what of it isn't whole.
 
     Raises:
-        ConfigError: the rig lacks what the suite needs, an option is wrong, the folder exists, or
-            a real person's motion has no licence or consent.
-        DeviceError: a device failed. The bundle stays, marked incomplete, with the takes so far.
+        ConfigError: the rig lacks what the suite needs, an option is wrong, the folder exists, is
+            in use, has too little room or holds another run, or a real person's motion has no
+            licence or consent.
+        DeviceError: a device failed or was lost. The bundle stays, marked failed, with what was
+            recorded.
+        DiskFullError: the disk is full; the bundle stays, marked incomplete.
+        InterruptedRunError: somebody pressed Ctrl-C; the same.
+    """
+    if resume and seed is None:
+        seed = Bundle.begun(folder).record.seed
+    seed = SEED if seed is None else seed
+    record = _record(suite, rig, rig_name, plugins, seed, permission, licence, consent)
+    if suite.mover == "person":
+        rig = rig.model_copy(update={"robot": None})
+    inputs = {
+        "suite.yaml": as_yaml(suite.canonical()),
+        "rig.yaml": as_yaml(rig.model_dump(mode="json")),
+    }
+    steps = list(suite.schedule())
+    todo, mount, bundle = steps, 1, Bundle(folder, record)
+    with ExitStack() as stack:
+        if resume:
+            bundle = resumed(folder, record, inputs)
+            stack.enter_context(locked(folder))
+            todo, mount = left(bundle, steps)
+        else:
+            require_new(folder)
+        if todo:
+            check_room(folder, run_bytes(suite, todo, nominal_rates(rig, rig_name, plugins)))
+            devices = open_rig(rig, rig_name, plugins, seed, stack)
+            _carry_on_from(bundle, devices, mount)
+            mover = _mover(suite, devices, operator, person, permission, mount)
+            mover.begin()
+        if not resume:
+            stack.enter_context(locked(folder))
+            bundle = Bundle.create(folder, record, inputs)
+        with _marked(bundle, len(steps)):
+            for step in todo:
+                watcher.take(step.name, steps.index(step), len(steps))
+                why = lacking(step.case, devices.profile)
+                if why is None:
+                    record_step(bundle, devices, step, mover, watcher, suite)
+                else:
+                    skip_step(bundle, step, suite, why)
+        order = {step.name: place for place, step in enumerate(steps)}
+        bundle.record.takes.sort(key=lambda take: order[take.name])
+        bundle.finish()
+    return bundle
+
+
+def _record(
+    suite: Suite,
+    rig: Rig,
+    rig_name: str,
+    plugins: Plugins,
+    seed: int,
+    permission: Permission | None,
+    licence: str | None,
+    consent: str | None,
+) -> RunRecord:
+    """What a run says of itself before anything is recorded.
+
+    Raises:
+        ConfigError: the rig lacks what the suite needs.
     """
     simulated = is_simulated(rig, rig_name)
     if suite.mover == "person":
         references = persons_references(suite, rig, rig_name, licence, consent, simulated=simulated)
-        rig = rig.model_copy(update={"robot": None})
     else:
         references = robots_references(suite, rig, rig_name)
-    record = RunRecord(
+    now = utc_now()
+    return RunRecord(
         kind="simulated" if simulated else "recorded",
-        created=utc_now().isoformat(),
+        created=now.isoformat(),
         suite=suite.canonical(),
         suite_digest=suite.digest,
         lab=rig.lab,
-        sitting="1",
+        # no device says when it was switched on: a lab visit is a day
+        sitting="1" if simulated else now.date().isoformat(),
         device=DeviceRecord(
             headset=rig.headset.model, firmware=rig.headset.firmware, logger=rig.headset.plugin
         ),
@@ -99,23 +164,41 @@ def record_suite(
         licence=licence,
         consent=consent,
         seed=seed if simulated else None,
+        plans=None if permission is None else permission.planned.hash,
         versions=versions(plugins.versions()),
     )
-    inputs = {
-        "suite.yaml": as_yaml(suite.canonical()),
-        "rig.yaml": as_yaml(rig.model_dump(mode="json")),
-    }
-    steps = list(suite.schedule())
-    with ExitStack() as stack:
-        devices = open_rig(rig, rig_name, plugins, seed, stack)
-        mover = _mover(suite, devices, operator, person, permission)
-        mover.begin()
-        bundle = Bundle.create(folder, record, inputs)
-        for index, step in enumerate(steps):
-            watcher.take(step.name, index, len(steps))
-            _record_step(bundle, devices, step, mover, watcher)
-        bundle.finish()
-    return bundle
+
+
+@contextmanager
+def _marked(bundle: Bundle, total: int) -> Iterator[None]:
+    """Marks the bundle as it ended, where it didn't end well."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        done = sum(take.status == "ok" for take in bundle.record.takes)
+        bundle.end("incomplete", "interrupted")
+        raise InterruptedRunError(
+            f"interrupted: {done} of {total} takes are recorded",
+            file=bundle.folder,
+            fix="go on with --resume",
+        ) from None
+    except BaseException as error:
+        # a full disk may have no room for this either: then it stays marked incomplete
+        with suppress(OSError):
+            full = isinstance(error, DiskFullError)
+            bundle.end("incomplete" if full else "failed", str(error))
+        raise
+
+
+def _carry_on_from(bundle: Bundle, devices: Devices, mount: int) -> None:
+    """Simulated devices go on where the last whole take ended."""
+    session = devices.session
+    if session.stage is None:
+        return
+    session.stage.mount = mount
+    last = ended(bundle)
+    if last is not None:
+        session.host.wait((last - session.host.now()) / NS)
 
 
 def _mover(
@@ -124,6 +207,7 @@ def _mover(
     operator: Operator | None,
     person: Person | None,
     permission: Permission | None,
+    mount: int,
 ) -> Mover:
     """Who moves the headset; a simulated rig has its own operator and its own person."""
     session = devices.session
@@ -132,47 +216,7 @@ def _mover(
         if who is None:
             raise ConfigError("a person moves in this suite, and nobody is there")
         return PersonMover(suite, who, session)
-    hand = operator if session.stage is None else SimulatedOperator(session.stage)
+    hand = operator if session.stage is None else SimulatedOperator(session.stage, session.host)
     if hand is None:
         raise ConfigError("a real rig needs an operator")
-    return RobotMover(suite, devices.robot, session, hand, permission)
-
-
-def _record_step(
-    bundle: Bundle, devices: Devices, step: Step, mover: Mover, watcher: Watcher
-) -> None:
-    """Records one take, and enters it into the bundle."""
-    case, session = step.case, devices.session
-    movement = mover.ready(step)
-    metadata = {
-        "case": case.id,
-        "motion": movement.motion,
-        "motion_digest": movement.digest,
-        "logger": bundle.record.device.logger,
-        "prediction": bundle.record.device.prediction,
-    }
-    path = bundle.take_path(step.name)
-    take = TakeRecord(
-        file=f"takes/{path.name}",
-        sha256="",
-        case=case.id,
-        mount=step.mount,
-        repeat=step.repeat,
-        role=case.role,
-        motion=movement.motion,
-        motion_digest=movement.digest,
-    )
-    plan = movement.plan
-    if plan is not None:
-        take.speed, take.fraction, take.stretch = case.speed, plan.fraction, plan.stretch
-        metadata |= {
-            "plan": plan.hash,
-            "fraction": f"{plan.fraction:.9g}",
-            "planned_duration_s": f"{plan.target.duration_s:.9g}",
-            "stretch": f"{plan.stretch / case.speed:.9g}",
-        }
-    record_take(path, metadata, devices.sources, movement.steps, session.host, watcher.moving)
-    if session.stage is not None:
-        bundle.write_truth(step.name, session.stage.truth)
-    take.sha256 = file_digest(path)
-    bundle.add(take)
+    return RobotMover(suite, devices.robot, session, devices.profile, hand, permission, mount=mount)

@@ -8,13 +8,21 @@ from zlib import crc32
 
 import numpy as np
 
-from vrbench.config.suite import Suite
+from vrbench.config.suite import Case, Suite
 from vrbench.errors import DataError, EstimationError
-from vrbench.geometry import Floats, Transform
+from vrbench.geometry import Floats, Ints, Transform
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate, mean_x
-from vrbench.protocols.protocol import HEADSET, Protocol, headset_samples, recorded_span
+from vrbench.protocols.fixing import Fixing, fixing_at
+from vrbench.protocols.protocol import (
+    HEADSET,
+    Protocol,
+    headset_samples,
+    recorded_span,
+    reference_samples,
+)
+from vrbench.protocols.stretches import spans, without
 from vrbench.results.bundle import RunRecord, TakeRecord
 from vrbench.results.tables import Member, Row, pool
 from vrbench.statistics.bootstrap import Interval
@@ -66,10 +74,22 @@ class Rules:
             statistic=value.statistic,
             value=value.value,
             unit=value.unit,
+            ci_low=value.low,
+            ci_high=value.high,
+            ci_scope="" if value.low is None else "take",
             samples=value.samples,
             status=status,
             reason=reason,
         )
+
+    def case(self, take: TakeRecord) -> Case:
+        """The take's case, as its condition has it."""
+        return self.suite.case_under(take.case, take.condition)
+
+    @property
+    def checks(self) -> frozenset[str]:
+        """Names of the takes that check the mount."""
+        return frozenset(take.name for take in self.record.takes if take.role == "check")
 
     def rng(self, *names: str) -> np.random.Generator:
         """A generator of its own for each name, the same in every evaluation."""
@@ -112,14 +132,17 @@ def score(
         rules: of the run.
         take: its record.
         columns: its content.
-        calibrations: those of its mount that succeeded, by take; its own is not used to score it.
+        calibrations: those of its mount that succeeded, by take, checks too; its own is not used
+            to score it.
         failures: why the others didn't.
     """
+    own = calibrations.get(take.name)
     try:
-        whole, parts, covariance = prepared(rules, take, columns, calibrations)
+        ready = prepared(rules, take, columns, calibrations)
     except (EstimationError, DataError) as error:
-        return failed_take(rules, take, str(error))
-    verdict = _verdict(rules, take, columns, whole, calibrations, failures)
+        return unscored_take(rules, take, Verdict("failed", str(error)))
+    whole, parts, covariance = ready.whole, ready.parts, ready.x_covariance
+    verdict = _verdict(rules, take, ready.span, whole, ready.fixing, own, failures)
     rows = list(_own_rows(rules, take, whole))
     models: Mapping[Key, ErrorModel] = {}
     for segment, part in parts.items():
@@ -127,7 +150,7 @@ def score(
         if isinstance(part, ScoredTake) and part.x is not None:
             if covariance is not None:
                 models = error_models(part)
-                found = _with_intervals(rules, found, take.name, models, covariance)
+                found = with_intervals(rules, found, take.name, models, covariance)
             stated = rules.record.accuracy.get(rules.reference)
             floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
             found += [rules.row(take, value, verdict) for value in floor]
@@ -138,30 +161,55 @@ def score(
         }
         rows += pool(rows, ("segment",), why)
         models = {}
-    ready = {name: part for name, part in parts.items() if isinstance(part, ScoredTake)}
-    return Scored(take, rows, verdict, whole, ready, models, covariance)
+    return Scored(take, rows, verdict, whole, ready.ready, models, covariance)
 
 
-def failed_take(rules: Rules, take: TakeRecord, why: str) -> Scored:
+def unscored_take(rules: Rules, take: TakeRecord, verdict: Verdict) -> Scored:
     """A take without numbers: each of its rows says why."""
-    failed = Verdict("failed", why)
-    rows = [rules.row(take, value, failed) for value in absent_values(rules.families)]
-    return Scored(take, rows, failed)
+    rows = [rules.row(take, value, verdict) for value in absent_values(rules.families)]
+    return Scored(take, rows, verdict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """A take as it is scored.
+
+    Attributes:
+        whole: the take as a whole,
+        parts: and by epoch, `all` where there is one: ready, or why it isn't.
+        x_covariance: of the X it is scored with.
+        span: when it was recorded, first and last, by the recorder's clock [ns].
+        fixing: what X is taken from.
+    """
+
+    whole: ScoredTake
+    parts: Mapping[str, ScoredTake | str]
+    x_covariance: Floats | None
+    span: tuple[int, int]
+    fixing: Fixing
+
+    @property
+    def ready(self) -> dict[str, ScoredTake]:
+        """The parts that could be made ready."""
+        return {name: part for name, part in self.parts.items() if isinstance(part, ScoredTake)}
 
 
 def prepared(
     rules: Rules, take: TakeRecord, columns: Columns, calibrations: Mapping[str, Calibration]
-) -> tuple[ScoredTake, dict[str, ScoredTake | str], Floats | None]:
-    """A take as it is scored: as a whole, by epoch (ready, or why it isn't), and X's covariance.
+) -> Prepared:
+    """A take made ready with what the others of its mount found.
 
     Raises:
         EstimationError: the streams can't be synchronised.
         DataError: a stream is missing.
     """
-    others = [c for name, c in calibrations.items() if name != take.name]
-    x, covariance = _mounting(rules, columns, others)
+    span = recorded_span(columns, rules.reference)
+    bracket_m = rules.suite.gate.bracket
+    fixing = fixing_at(list(calibrations.values()), rules.checks, span[0], bracket_m)
+    fixing = fixing.without(take.name)
+    x, covariance = _mounting(rules, columns, fixing.best)
     whole, parts = _prepared(rules, take, columns, x, covariance)
-    return whole, parts, covariance
+    return Prepared(whole, parts, covariance, span, fixing)
 
 
 def _mounting(
@@ -181,25 +229,34 @@ def _prepared(
     covariance: Floats | None,
 ) -> tuple[ScoredTake, dict[str, ScoredTake | str]]:
     """The take as a whole, and by epoch: each ready, or why it isn't."""
-    anchor_s = rules.suite.case(take.case).anchor
+    case = rules.case(take)
+    anchor_s = case.anchor
     epochs = headset_samples(columns).epochs
     several = len(epochs) > 1
     # No one world spans several epochs, so as a whole such a take has no X to be compared by.
     whole = rules.protocol.prepare(
         columns, rules.reference, None if several else x, anchor_s=anchor_s
     )
+    left_out = excluded(rules, take, columns)
     if not several:
-        whole = replace(whole, x_covariance=covariance)
+        whole = replace(without(whole, left_out), x_covariance=covariance)
         return whole, {"all": whole}
     parts: dict[str, ScoredTake | str] = {}
     for epoch in epochs:
         segment = f"epoch:{epoch}"
         try:
             part = rules.protocol.prepare(_epoch(columns, epoch), rules.reference, x)
+            part = without(part, left_out)
             parts[segment] = replace(part, segment=segment, x_covariance=covariance)
         except EstimationError as error:
             parts[segment] = str(error)
     return whole, parts
+
+
+def excluded(rules: Rules, take: TakeRecord, columns: Columns) -> list[Ints]:
+    """The spans (k, 2) [ns] of a take that its case declares not to be scored."""
+    reference = reference_samples(columns, rules.reference)
+    return [spans(columns, kind, reference) for kind in rules.case(take).exclude]
 
 
 def _epoch(columns: Columns, epoch: int) -> Columns:
@@ -256,7 +313,7 @@ def absent_values(families: Sequence[Family]) -> Iterator[Value]:
                 yield Value(metric, "value", None, unit, 0)
 
 
-def _with_intervals(
+def with_intervals(
     rules: Rules,
     rows: Iterable[Row],
     name: str,
@@ -279,22 +336,21 @@ def with_interval(row: Row, found: Mapping[tuple[str, str, str], Interval]) -> R
 def _verdict(
     rules: Rules,
     take: TakeRecord,
-    columns: Columns,
+    span: tuple[int, int],
     scored: ScoredTake,
-    calibrations: Mapping[str, Calibration],
+    fixing: Fixing,
+    own: Calibration | None,
     failures: Mapping[str, str],
 ) -> Verdict:
     """What the gate says of a take, and which calibrations it had to do without."""
     if rules.protocol.given_x is not None:
         return Verdict()
-    own = calibrations.get(take.name)
-    others = [c for c in calibrations.values() if c is not own]
     told = "; ".join(f"{name}: {why}" for name, why in failures.items() if name != take.name)
-    if not others and take.role == "calibration" and not told:
+    if not fixing.members and take.role != "scored" and not told:
         return Verdict("skipped", "no other calibration of this mount to score it with")
-    if not others and told:
+    if not fixing.members and told:
         return Verdict("invalid", f"no calibration of this mount succeeded: {told}")
-    if not others and "x" not in rules.suite.case(take.case).needs:
+    if not fixing.members and "x" not in rules.case(take).needs:
         return Verdict("skipped", "no calibration in this mount, and the case asks for none")
     bounds = rules.suite.gate
     limits = Limits(
@@ -303,8 +359,9 @@ def _verdict(
         max_age_s=bounds.max_age,
         bracket_m=bounds.bracket,
     )
-    began, ended = recorded_span(columns, rules.reference)
-    verdict = gate(others, own, began, ended, scored.truth, limits)
+    checks = [c for c in fixing.members if c not in fixing.best]
+    verdict = gate(fixing.best, own, *span, scored.truth, limits, checks)
+    notes = [verdict.reason, fixing.moved]
     if told and verdict.status != "ok":
-        return Verdict(verdict.status, f"{verdict.reason}; failed: {told}")
-    return verdict
+        notes.append(f"failed: {told}")
+    return Verdict(verdict.status, "; ".join(note for note in notes if note))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from vrbench.clocks import Exchanges
 from vrbench.geometry import Bools, Floats, Ints, Transform, continuous_signs, quat_normalize
-from vrbench.trajectory import Trajectory
+from vrbench.trajectory import QUATERNION_TOLERANCE, Trajectory
 
 
 class Flag(IntFlag):
@@ -27,6 +27,29 @@ class Flag(IntFlag):
 GOOD = int(
     Flag.ORIENTATION_VALID | Flag.POSITION_VALID | Flag.ORIENTATION_TRACKED | Flag.POSITION_TRACKED
 )
+
+
+def believed(p: Floats, q: Floats, flags: Any) -> tuple[Transform, npt.NDArray[np.uint32]]:
+    """Poses as a headset tells them, and its flags without those that can't be true.
+
+    A position that isn't finite is no position, a quaternion far from unit length no orientation:
+    their flags are cleared, and zeros and the identity stand in their place.
+
+    Args:
+        p: positions (n, 3) [m].
+        q: quaternions (n, 4), xyzw.
+        flags: what the headset says of each (n,), `Flag`.
+    """
+    places = np.asarray(np.isfinite(p).all(axis=1))
+    with np.errstate(over="ignore", invalid="ignore"):
+        turns = np.asarray(np.abs(np.linalg.norm(q, axis=1) - 1.0) < QUATERNION_TOLERANCE)
+    allowed = np.where(places, Flag.POSITION_VALID | Flag.POSITION_TRACKED, 0)
+    allowed |= np.where(turns, Flag.ORIENTATION_VALID | Flag.ORIENTATION_TRACKED, 0)
+    pose = Transform(
+        np.where(places[:, None], p, 0.0),
+        quat_normalize(np.where(turns[:, None], q, [0.0, 0.0, 0.0, 1.0])),
+    )
+    return pose, np.asarray(flags, dtype=np.uint32) & allowed.astype(np.uint32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,9 +13,10 @@ from vrbench.geometry import Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import headset_samples, recorded_span
+from vrbench.protocols.stretches import without
 from vrbench.results.bundle import TakeRecord
 from vrbench.results.tables import Row
-from vrbench.scoring import Rules, Scored, absent_values, family_rows
+from vrbench.scoring import Rules, Scored, absent_values, excluded, family_rows
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 
@@ -83,7 +84,7 @@ def _variant(
             raise EstimationError("not computed for takes of several epochs")
         if _seconds(columns, rules.reference) > LONGEST_S:
             raise EstimationError(f"not computed for takes over {LONGEST_S / 60:g} min")
-        part = prepare()
+        part = without(prepare(), excluded(rules, take, columns))
     except (EstimationError, DataError) as error:
         part, verdict = str(error), Verdict("skipped", str(error))
     if isinstance(part, str):

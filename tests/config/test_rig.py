@@ -92,3 +92,47 @@ def test_simulated_rigs_need_no_file(name, model):
 def test_what_is_no_rig_says_what_one_is(name):
     with pytest.raises(ConfigError, match=r"no such rig file .*\.yaml file, or sim:DEVICE"):
         load_rig(name)
+
+
+def robot(load, line):
+    return load(TEXT.replace("  options: {host: 192.168.1.20}\n", line)).robot
+
+
+def test_what_a_robot_carries_and_what_stands_around_it_are_options_of_it(load, tmp_path):
+    (tmp_path / "table.yaml").write_text("table_m: -0.01\n", encoding="utf-8")
+    wanted = {
+        "host": "h",
+        "tcp": [0, 0, 0.1, 0, 0, 0],
+        "payload": {"kg": 1.9},
+        "workspace": {"table_m": -0.01},
+    }
+    beside = robot(
+        load,
+        "  options: {host: h}\n  tcp: [0, 0, 0.1, 0, 0, 0]\n  payload: {kg: 1.9}\n"
+        "  workspace: table.yaml\n",
+    )
+    assert beside.options == wanted
+    assert beside.workspace is None
+    inside = robot(
+        load,
+        "  options: {host: h, tcp: [0, 0, 0.1, 0, 0, 0], payload: {kg: 1.9}, "
+        "workspace: table.yaml}\n",
+    )
+    assert inside == beside
+
+
+def test_a_controllers_calibration_lies_beside_the_rig(load, tmp_path):
+    options = robot(load, "  options: {calibration: mine.conf}\n").options
+    assert options["calibration"] == str(tmp_path / "mine.conf")
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("  workspace: nowhere.yaml\n", r"nowhere.yaml: no such file"),
+        ("  options: {payload: {kg: 1}}\n  payload: {kg: 2}\n", r"robot.payload: is given twice"),
+    ],
+)
+def test_a_robot_line_that_is_wrong_is_told(load, line, says):
+    with pytest.raises(ConfigError, match=says):
+        robot(load, line)

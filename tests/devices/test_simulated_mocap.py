@@ -90,7 +90,10 @@ class Quiet:
     def take(self, name, index, total):
         pass
 
-    def moving(self, received, done):
+    def moving(self, progress):
+        pass
+
+    def notice(self, text):
         pass
 
 

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vrbench.errors import DataError
-from vrbench.recording.importer import NoOptions
 from vrbench.recording.importers import builtin_importers
 
 IMPORTERS = {importer.name: importer for importer in builtin_importers()}
@@ -73,4 +72,4 @@ def test_a_damaged_text(folder, name, places):
     rows = "".join(gap.join(map(str, (t, t, 2.5, -3, 0.5, 0.5, 0.5, -0.5))) + "\n" for t in times)
     path = folder / "damaged.txt"
     path.write_bytes(damaged(rows.encode(), places))
-    check(IMPORTERS[name], path, NoOptions())
+    check(IMPORTERS[name], path, IMPORTERS[name].options())

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from vrbench.errors import DataError
-from vrbench.recording.importers.duke import IMPORTER, DukeOptions
+from vrbench.recording.importer import AxesOptions
+from vrbench.recording.importers.duke import IMPORTER
 
 HEADER = "timestamp,pos_x,pos_y,pos_z,qua_1,qua_2,qua_3,qua_4\n"
 ROWS = "1742321034.3303676,1,2,3,0.6,0,0,0.8\n1742321034.363701,4,5,6,-0.6,0,0,-0.8\n"
@@ -14,7 +15,7 @@ def read(tmp_path):
     def read_text(text, axes=None):
         path = tmp_path / "quest3.csv"
         path.write_text(text)
-        return IMPORTER.read(path, DukeOptions(axes=axes))
+        return IMPORTER.read(path, AxesOptions(axes=axes))
 
     return read_text
 
@@ -49,7 +50,7 @@ def test_axes_that_nobody_gave_are_said(read):
         ("", "is empty"),
         (HEADER, "holds no poses"),
         (HEADER + "1,2,3\n", "line 2: has 3 columns"),
-        (HEADER + ROWS + "\n" + ROWS, "line 4: has 1 columns"),
+        (HEADER + ROWS + "\nx\n", "line 5: has 1 columns"),
         (HEADER + "1,a,3,4,0,0,0,1\n", r"line 2, column 2 \(x\): 'a' is not a number"),
         (HEADER + "1,1,3,4,1,1,0,1\n", r"quaternion of pose 1 has length 1\.732"),
         (HEADER + ROWS * 2, "stamps go back"),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vrbench.errors import DataError
-from vrbench.recording.importer import NoOptions
+from vrbench.recording.importer import AxesOptions
 from vrbench.recording.importers.euroc import IMPORTER
 
 HEADER = "#timestamp [ns], p_x [m], p_y [m], p_z [m], q_w [], q_x [], q_y [], q_z []\n"
@@ -14,7 +14,7 @@ def read(tmp_path):
     def read_text(text):
         path = tmp_path / "head.csv"
         path.write_text(text)
-        return IMPORTER.read(path, NoOptions())
+        return IMPORTER.read(path, AxesOptions())
 
     return read_text
 

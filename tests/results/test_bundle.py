@@ -61,7 +61,7 @@ def test_a_missing_take_is_named(run: Path) -> None:
         bundle.columns(bundle.record.takes[0])
 
 
-def test_a_run_that_fails_is_left_marked_incomplete(
+def test_a_run_that_fails_is_left_marked_as_failed(
     tmp_path: Path, short_suite: Suite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from vrbench.devices.simulated.robot import SimulatedRobot
@@ -80,8 +80,11 @@ def test_a_run_that_fails_is_left_marked_incomplete(
             short_suite, load_rig("sim:sim"), "sim", folder, Plugins(), seed=1, watcher=Quiet()
         )
     record = json.loads((folder / "run.json").read_text())
-    assert record["status"] == "incomplete"
-    assert [take["case"] for take in record["takes"]] == ["calibrate"]
+    assert (record["status"], record["reason"]) == ("failed", "robot: protective stop")
+    assert [(take["case"], take["status"]) for take in record["takes"]] == [
+        ("calibrate", "ok"),
+        ("replay", "failed"),
+    ]
     assert [p.name for p in (folder / "takes").glob("*.part")] == ["replay.default.m1.r1.mcap.part"]
-    with pytest.raises(ConfigError, match="incomplete"):
+    with pytest.raises(ConfigError, match="the run is failed: robot: protective stop"):
         Bundle.open(folder)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 import click
@@ -13,7 +14,8 @@ from vrbench.errors import ConfigError
 
 if TYPE_CHECKING:
     from vrbench.config.suite import Step
-    from vrbench.devices.ports import Session
+    from vrbench.devices.ports import Occlusion, Session
+    from vrbench.recording.monitor import Progress
 
 LOOK_S = 0.1
 HOW = {
@@ -57,12 +59,23 @@ class TerminalPerson:
     def take(self, name: str, index: int, total: int) -> None:
         """A take begins; told by `ready`."""
 
-    def moving(self, received: object, done: float) -> None:
+    def moving(self, progress: Progress) -> None:
         """Nothing is shown while a person moves: they read no terminal."""
+
+    def notice(self, text: str) -> None:
+        """Something that they should know later."""
+        click.echo(text, err=True)
 
 
 class TerminalOperator:
-    """Fixes the headset anew when the terminal asks for it."""
+    """Does by hand what the terminal asks for.
+
+    Args:
+        paused: within it, nothing else writes to the terminal.
+    """
+
+    def __init__(self, paused: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+        self._paused = paused
 
     def remount(self, mount: int) -> None:
         """Waits for Enter.
@@ -70,9 +83,53 @@ class TerminalOperator:
         Raises:
             ConfigError: nobody is there to press it.
         """
-        click.echo(f"Fix the headset anew, the {mount}. time. Enter goes on ", nl=False)
-        if not sys.stdin.readline():
-            raise ConfigError(
-                "the headset must be fixed anew, and nobody is at the terminal",
-                fix="run it at a terminal",
-            )
+        with self._paused():
+            _asked(f"Fix the headset anew, the {mount}. time.")
+
+    def cover(self, occlusion: Occlusion) -> None:
+        """Waits for Enter; raises as `remount`."""
+        with self._paused():
+            _asked(f"{_covering(occlusion)}.")
+
+    def recentre(self) -> None:
+        """Says it, and waits for nothing: the robot may be moving."""
+        click.echo("Recentre the headset now, by its controller, from outside the robot's reach.")
+
+
+class ScriptedOperator:
+    """For `--yes`: says what would be asked for, and takes it for done.
+
+    It stands in where nobody is needed, as with emulated devices. It never lets a robot move.
+    """
+
+    def remount(self, mount: int) -> None:
+        click.echo(f"taken for done: the headset is fixed anew, the {mount}. time", err=True)
+
+    def cover(self, occlusion: Occlusion) -> None:
+        click.echo(f"taken for done: {_covering(occlusion).lower()}", err=True)
+
+    def recentre(self) -> None:
+        click.echo("taken for done: the headset is recentred", err=True)
+
+
+def _covering(occlusion: Occlusion) -> str:
+    if not occlusion.share:
+        return "Uncover all cameras"
+    if occlusion.share == 1.0:
+        return "Cover all cameras"
+    names = ", ".join(f"{id_} ({name})" for id_, name in sorted(occlusion.cameras.items()))
+    return f"Cover cameras {names}, uncover all others"
+
+
+def _asked(what: str) -> None:
+    """Waits for Enter.
+
+    Raises:
+        ConfigError: nobody is there to press it.
+    """
+    click.echo(f"{what} Enter goes on ", nl=False)
+    if not sys.stdin.readline():
+        raise ConfigError(
+            f"nobody is at the terminal to do this: {what}",
+            fix="run it at a terminal; --yes takes it for done",
+        )

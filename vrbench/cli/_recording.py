@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from vrbench.cli._tables import bar, show_table
-from vrbench.errors import ConfigError
+from vrbench.cli._progress import RunDisplay
+from vrbench.cli._tables import bar, console, show_table
+from vrbench.errors import ConfigError, VrbenchError
 
 if TYPE_CHECKING:
     from vrbench.config.rig import Rig
     from vrbench.config.suite import Suite
+    from vrbench.devices.permit import Permit
     from vrbench.permission import Permission
     from vrbench.plugin.manager import Plugins
     from vrbench.results.bundle import Bundle
@@ -29,7 +31,9 @@ class Asked:
     rig: str
     output: Path | None
     execute: str | None
-    seed: int
+    resume: bool
+    yes: bool
+    seed: int | None
     licence: str | None
     consent: str | None
 
@@ -44,11 +48,17 @@ _OPTIONS = (
     ),
     click.option("--execute", metavar="HASH", help="Move a real robot by the plans of this hash."),
     click.option(
+        "--resume",
+        is_flag=True,
+        help="Go on with the run in -o: only what isn't whole is recorded.",
+    ),
+    click.option(
+        "--yes", is_flag=True, help="Take the operator's work for done; no robot moves by this."
+    ),
+    click.option(
         "--seed",
         type=click.IntRange(min=0),
-        default=1,
-        show_default=True,
-        help="Of everything random.",
+        help="Of everything random [1].",
     ),
     click.option("--licence", help="Of a person's motion: under which it may be used."),
     click.option("--consent", help="Of a person's motion: how they agreed to that."),
@@ -67,29 +77,13 @@ def recording(act: Callable[[Asked], None]) -> Callable[..., None]:
     return verb
 
 
-class _Bar:
-    """Shows a run's progress: the take, its poses by stream, and the whole."""
-
-    def __init__(self, tell: Any) -> None:
-        self._tell = tell
-        self._name, self._index, self._total = "", 0, 1
-
-    def take(self, name: str, index: int, total: int) -> None:
-        self._name, self._index, self._total = name, index, total
-        self._tell(name, index / total)
-
-    def moving(self, received: Mapping[str, int], done: float) -> None:
-        counts = ", ".join(f"{stream} {n}" for stream, n in received.items())
-        self._tell(f"{self._name}  {counts}", (self._index + done) / self._total)
-
-
 def record(asked: Asked) -> Bundle:
     """Records a suite on a rig.
 
     A real robot moves only where `--execute` names the run's plans; a person's motion needs what
     was agreed with them.
     """
-    from vrbench.cli._person import TerminalOperator, TerminalPerson
+    from vrbench.cli._person import ScriptedOperator, TerminalOperator, TerminalPerson
     from vrbench.config.rig import load_rig
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
@@ -100,27 +94,46 @@ def record(asked: Asked) -> Bundle:
     suite = load_suite(asked.suite, dict(plugins.suites))
     families_of(suite, plugins, asked.suite)
     rig = load_rig(asked.rig)
+    if asked.resume and asked.output is None:
+        raise ConfigError("which run is to be gone on with?", field="--resume", fix="-o RUN")
     folder = asked.output or default_folder(suite.suite, rig.headset.model)
     person = TerminalPerson()
-    run = functools.partial(
-        record_suite,
-        *(suite, rig, asked.rig, folder, plugins),
-        seed=asked.seed,
-        operator=TerminalOperator(),
-        person=person,
-        permission=_permission(suite, rig, plugins, asked),
-        licence=asked.licence,
-        consent=asked.consent,
-    )
-    if suite.mover == "person":
-        return run(watcher=person)
-    with bar(f"record {suite.label} on {rig.headset.model}") as tell:
-        return run(watcher=_Bar(tell))
+    with RunDisplay(f"record {suite.label} on {rig.headset.model}", console(err=True)) as display:
+        run = functools.partial(
+            record_suite,
+            *(suite, rig, asked.rig, folder, plugins),
+            watcher=person if suite.mover == "person" else display,
+            seed=asked.seed,
+            operator=ScriptedOperator() if asked.yes else TerminalOperator(display.paused),
+            person=person,
+            permission=_permission(suite, rig, plugins, asked, display),
+            licence=asked.licence,
+            consent=asked.consent,
+            resume=asked.resume,
+        )
+        try:
+            return run()
+        except VrbenchError:
+            display.close()
+            _show_what_is_there(folder)
+            raise
 
 
-def _permission(suite: Suite, rig: Rig, plugins: Plugins, asked: Asked) -> Permission | None:
+def _show_what_is_there(folder: Path) -> None:
+    """Where a run that didn't end well is, and how to go on with it."""
+    from vrbench.results.bundle import RECORD, Bundle
+
+    if (folder / RECORD).is_file():
+        record = Bundle.begun(folder).record
+        if record.status != "complete":
+            click.echo(f"run: {folder} ({record.status}; --resume goes on with it)", err=True)
+
+
+def _permission(
+    suite: Suite, rig: Rig, plugins: Plugins, asked: Asked, display: RunDisplay
+) -> Permission | None:
     """Plans a real robot's motions, shows them, and checks `--execute`; None for simulated ones."""
-    from vrbench.permission import permission, plan_suite
+    from vrbench.permission import Permission, permission, plan_suite
 
     with bar(f"plan {suite.label}") as tell:
         planned = plan_suite(suite, rig, asked.rig, plugins, tell)
@@ -131,4 +144,10 @@ def _permission(suite: Suite, rig: Rig, plugins: Plugins, asked: Asked) -> Permi
     for (name, speed), plan in planned.plans.items():
         rows = [[what, value] for what, value in planned.planner.describe(plan)]
         show_table(f"Plan of {name} at speed {speed:g}", ["", ""], rows)
-    return permission(planned, asked.execute)
+    allowed = permission(planned, asked.execute)
+
+    def ask(robot: str, plans: list[str], permit: Permit) -> None:
+        with display.paused():
+            allowed.ask(robot, plans, permit)
+
+    return Permission(planned, ask)

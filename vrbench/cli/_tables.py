@@ -56,6 +56,13 @@ _HEADLINES = (
     ("scale ", "scale", "eye", "value"),
     ("rate Hz ", "timing.rate", "", "value"),
 )
+# Those of suites that look at something else; shown where a take has them.
+_SPECIAL = (
+    ("jitter mm ", "jitter.position", "eye", "rmse"),
+    ("recovery s ", "recovery.time", "eye", "max"),
+    ("left mm ", "recovery.offset", "eye", "max"),
+    ("drift mm/h ", "drift.translation", "eye", "slope"),
+)
 
 
 def show_metrics(rows: Sequence[Row], table: str) -> None:
@@ -68,7 +75,10 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
             place = (row.reference, row.case, row.condition, row.mount, row.repeat)
             take = takes.setdefault(place, {})
             take[row.metric, row.point, row.statistic] = row
+    headlines: Sequence[tuple[str, str, str, str]]
     headlines = _HEADLINES if console().width >= _NARROW else _HEADLINES[:5]
+    had = {key for take in takes.values() for key, row in take.items() if row.value is not None}
+    headlines = (*headlines, *(special for special in _SPECIAL if special[1:] in had))
     lines = []
     several = len({row.reference for row in rows}) > 1
     for (reference, case, condition, mount, repeat), numbers in takes.items():
@@ -86,7 +96,31 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
         lines.append([*line, *shown, status])
     header = ["case", "take", *(name for name, *_ in headlines), "status"]
     show_table("Metrics", header, lines)
+    _show_compared(rows)
     click.echo(f"all {len(rows)} numbers: {table}")
+
+
+def _show_compared(rows: Sequence[Row]) -> None:
+    """By how much errors under each condition are above those under the baseline."""
+    several = len({row.reference for row in rows}) > 1
+    lines = [
+        [
+            f"{row.case} {row.condition}" + (f" by {row.reference}" if several else ""),
+            f"{row.metric} {row.point}",
+            number_text(row.value),
+            ""
+            if row.ci_low is None
+            else f"{number_text(row.ci_low)} to {number_text(row.ci_high)}",
+            row.unit,
+            row.status,
+            row.reason,
+        ]
+        for row in rows
+        if row.variant == "vs-baseline"
+    ]
+    if lines:
+        header = ["case", "rmse of", "more by ", "95 % ", "", "status", ""]
+        show_table("Against the baseline", header, lines)
 
 
 def _state(row: Row) -> str:
@@ -128,10 +162,17 @@ def exit_code(rows: Sequence[Row]) -> int:
 
 
 def show_trouble(rows: Sequence[Row]) -> None:
-    """One line on stderr for each take that failed or is invalid."""
+    """One line on stderr for each take that failed, is invalid, or was skipped as a whole."""
     told: dict[tuple[str, ...], None] = {}
+    takes: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        if row.status in ("invalid", "failed") and row.variant == "main" and row.repeat != "all":
-            told[(row.case, row.mount, row.repeat, row.status, row.reason)] = None
-    for case, mount, repeat, status, reason in told:
-        click.echo(f"{status}: {case} mount {mount} repeat {repeat}: {reason}", err=True)
+        if row.variant == "main" and row.repeat != "all":
+            takes.setdefault((row.case, row.condition, row.mount, row.repeat), []).append(row)
+    for take, mine in takes.items():
+        skipped = all(row.status == "skipped" for row in mine)
+        for row in mine:
+            if skipped or row.status in ("invalid", "failed"):
+                told[(*take, row.status, row.reason)] = None
+    for case, condition, mount, repeat, status, reason in told:
+        named = case if condition == "default" else f"{case} {condition}"
+        click.echo(f"{status}: {named} mount {mount} repeat {repeat}: {reason}", err=True)

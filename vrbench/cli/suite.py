@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
+
+if TYPE_CHECKING:
+    from vrbench.config.suite import Step, Suite
 
 
 @click.group()
@@ -38,7 +43,7 @@ def show(suite: str) -> None:
     click.echo(as_yaml(found.canonical()).rstrip())
     click.echo(f"# digest: {found.digest}")
     for step in found.schedule():
-        click.echo(f"# take: {step.name}, {found.motions[step.case.motion]}")
+        click.echo(f"# take: {step.name}, {_told(step, found)}")
 
 
 @command.command("check")
@@ -46,13 +51,29 @@ def show(suite: str) -> None:
 def check(suite: str) -> None:
     """Say whether SUITE, a file or a name, can be run: its fields, motions and metrics."""
     from vrbench.config.suite import load_suite
-    from vrbench.motion.generators import generate
     from vrbench.plugin.manager import Plugins, families_of
 
     plugins = Plugins()
     found = load_suite(suite, dict(plugins.suites))
     if found.mover == "robot":
-        for motion in found.motions.values():
-            generate(motion)
+        for motion in found.motions:
+            found.motion(motion)
     families_of(found, plugins, suite)
     click.echo(f"{found.label} is sound: {sum(1 for _ in found.schedule())} takes")
+
+
+def _told(step: Step, suite: Suite) -> str:
+    """How a take's motion is run."""
+    case = step.case
+    told = [suite.motions[case.motion].split()[0]]
+    if case.speed != 1.0:
+        told.append(f"speed {case.speed:g}")
+    if case.loops > 1:
+        told.append(f"{case.loops} loops")
+    if case.duration is not None:
+        told.append(f"loops for {case.duration / 60:g} min")
+    if case.hold:
+        told.append(f"hold {case.hold:g} s")
+    if case.occlude != "none":
+        told.append(f"cameras covered: {case.occlude}")
+    return ", ".join(told)

@@ -9,12 +9,13 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
 from vrbench.config.quantity import Length
-from vrbench.config.yaml_file import load_model
+from vrbench.config.yaml_file import load_model, load_yaml
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 
 SIMULATED = "sim"
 FIRST_SIMULATED = "quest-2"
+SHARED = ("tcp", "payload", "workspace")
 
 
 class _Strict(BaseModel):
@@ -60,6 +61,41 @@ class ReferenceChoice(DeviceChoice):
     accuracy: Accuracy | None = None
 
 
+class RobotChoice(ReferenceChoice):
+    """A robot; what it carries and what stands around it are options that every robot has.
+
+    Attributes:
+        tcp, payload: as the plugin's own options say.
+        workspace: what stands around it, or a YAML file that says so, beside the rig.
+    """
+
+    tcp: list[Any] | None = Field(None, exclude=True)
+    payload: dict[str, Any] | None = Field(None, exclude=True)
+    workspace: dict[str, Any] | str | None = Field(None, exclude=True)
+
+    def gathered(self, rig: Path) -> RobotChoice:
+        """The same with all of them among its options, files read and found beside the rig.
+
+        Raises:
+            ConfigError: one is given twice, or the file can't be read.
+        """
+        options = dict(self.options)
+        for name in SHARED:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if name in options:
+                raise ConfigError(
+                    "is given twice", file=rig, field=f"robot.{name}", fix="here or in the options"
+                )
+            options[name] = value
+        if isinstance(options.get("workspace"), str):
+            options["workspace"] = load_yaml(rig.parent / options["workspace"])[0]
+        if isinstance(options.get("calibration"), str):
+            options["calibration"] = str(rig.parent / options["calibration"])
+        return self.model_copy(update=dict.fromkeys(SHARED) | {"options": options})
+
+
 class HeadsetChoice(DeviceChoice):
     """The route by which poses come, and the model that is ranked."""
 
@@ -83,7 +119,7 @@ class Rig(_Strict):
 
     lab: str = Field(min_length=1)
     headset: HeadsetChoice
-    robot: ReferenceChoice | None = None
+    robot: RobotChoice | None = None
     mocap: ReferenceChoice | None = None
     mounting: Mounting = Mounting()
     environment: dict[str, Any] = {}
@@ -104,10 +140,13 @@ def load_rig(name: str) -> Rig:
         return Rig(
             lab="simulated",
             headset=HeadsetChoice(plugin=SIMULATED, device=device or FIRST_SIMULATED),
-            robot=ReferenceChoice(plugin=SIMULATED, accuracy=SIMULATED_ACCURACY),
+            robot=RobotChoice(plugin=SIMULATED, accuracy=SIMULATED_ACCURACY),
         )
     if not Path(name).is_file():
         raise ConfigError(
             "no such rig file", file=name, fix="a path to a .yaml file, or sim:DEVICE"
         )
-    return load_model(Path(name), Rig)
+    rig = load_model(Path(name), Rig)
+    if rig.robot is None:
+        return rig
+    return rig.model_copy(update={"robot": rig.robot.gathered(Path(name))})

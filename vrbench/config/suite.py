@@ -4,41 +4,30 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 
+from vrbench.config.case import OPENING, Case, Condition, Name, check_case
+from vrbench.config.motions import identity, is_file, motion_of
 from vrbench.config.quantity import Angle, Duration, Fraction, Length
+from vrbench.config.schedule import DEFAULT, Order, Step, schedule, take_name
 from vrbench.config.shipped import find_file
 from vrbench.config.yaml_file import line_of, load_yaml, validate
 from vrbench.errors import ConfigError
+from vrbench.motion.motion import Motion
 
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
-Need = Literal["x", "clock", "y"]
+__all__ = ["DEFAULT", "Case", "Name", "Step", "Suite", "load_suite", "take_name"]
+
 Statistic = Literal["rmse", "mean", "median", "std", "min", "max", "p95", "value"]
-# The condition of a take where the suite has none.
-DEFAULT = "default"
 
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Case(_Strict):
-    """One motion of a suite, and how it is to be run."""
-
-    id: Name
-    motion: Name
-    role: Literal["calibration", "scored"] = "scored"
-    repeats: int = Field(1, ge=1, le=1000)
-    remounts: int = Field(0, ge=0, le=100)
-    speed: float = Field(1.0, ge=0.05, le=10.0)
-    needs: tuple[Need, ...] = ()
-    anchor: Duration | None = Field(None, gt=0.0)
 
 
 class Gate(_Strict):
@@ -69,26 +58,41 @@ class Suite(_Strict):
     references: tuple[Literal["robot", "mocap"], ...] = Field(("robot",), min_length=1)
     motions: dict[Name, str]
     cases: tuple[Case, ...] = Field(min_length=1)
+    conditions: tuple[Condition, ...] = ()
+    order: Order = "given"
+    compare: Literal["paired"] | None = None
     metrics: tuple[str, ...] = Field(min_length=1)
     gate: Gate = Gate()
     rank: Rank
     # what follows where the headset or the motion capture is lost in a take; a robot's loss ends it
     on_loss: Literal["stop", "continue"] = "stop"
+    # Where the motions that are files are, by what `motions` calls them.
+    _files: dict[str, Path] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _consistent(self) -> Suite:
-        ids = [case.id for case in self.cases]
-        twice = {name for name in ids if ids.count(name) > 1}
-        if twice:
-            raise ValueError(f"two cases are called {', '.join(sorted(twice))}: an id each")
+        _distinct([case.id for case in self.cases], "cases")
+        _distinct([condition.id for condition in self.conditions], "conditions")
         for case in self.cases:
-            if case.role == "calibration" and case.repeats > 1:
-                raise ValueError(f"case {case.id} is a calibration, run first and last: no repeats")
+            check_case(case, self.mover)
             if case.motion not in self.motions:
                 known = ", ".join(self.motions)
                 raise ValueError(f"case {case.id} moves by {case.motion!r}: motions has {known}")
+            if case.role == "check" and not (self.conditions and self.calibrations):
+                raise ValueError(
+                    f"case {case.id} checks the mount after a change of condition: "
+                    "give conditions, and a case with role calibration"
+                )
+        _check_conditions(self.conditions, self.order, self.compare)
+        for case in self.all_cases():
+            check_case(case, self.mover)
             if "x" in case.needs and not self.calibrations:
                 raise ValueError(f"case {case.id} needs x: give a case with role calibration")
+            if case.looped and OPENING not in self.motions:
+                raise ValueError(
+                    f"case {case.id} repeats its motion within a take, so clocks would be found a "
+                    "whole loop off: give motions an opening, a motion that is run once before"
+                )
         return self
 
     @property
@@ -114,6 +118,12 @@ class Suite(_Strict):
             f"suite {self.label} has no case {name!r}", field="case", fix=f"there are {known}"
         )
 
+    def case_under(self, name: str, condition: str) -> Case:
+        """The case as a condition has it; raises as `case`."""
+        case = self.case(name)
+        of = next((c for c in self.conditions if c.id == condition), None)
+        return case if of is None or case.role != "scored" else of.of(case)
+
     def canonical(self) -> dict[str, Any]:
         """The suite in JSON's types and SI units, as bundles keep it.
 
@@ -128,36 +138,55 @@ class Suite(_Strict):
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return sha256(text.encode()).hexdigest()
 
+    def all_cases(self) -> Iterator[Case]:
+        """Every case as it is run: calibrations, checks, and the others under every condition."""
+        for case in self.cases:
+            if case.role == "scored" and self.conditions:
+                yield from (condition.of(case) for condition in self.conditions)
+            else:
+                yield case
+
     def schedule(self) -> Iterator[Step]:
-        """What is recorded, in order: each mount is opened and closed by the calibrations."""
-        scored = [case for case in self.cases if case.role == "scored"]
-        for mount in range(1, 2 + max(case.remounts for case in self.cases)):
-            for case in self.calibrations:
-                yield Step(case, mount, 1)
-            for case in scored:
-                if mount <= case.remounts + 1:
-                    for repeat in range(1, case.repeats + 1):
-                        yield Step(case, mount, repeat)
-            for case in self.calibrations:
-                yield Step(case, mount, 2)
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One take that a suite asks for."""
-
-    case: Case
-    mount: int
-    repeat: int
+        """What is recorded, in order; the same every time, and in every lab."""
+        return schedule(self.cases, self.conditions, self.order, self.label)
 
     @property
-    def name(self) -> str:
-        return take_name(self.case.id, DEFAULT, self.mount, self.repeat)
+    def baseline(self) -> str | None:
+        """The condition that the others are compared with."""
+        return next((condition.id for condition in self.conditions if condition.baseline), None)
+
+    def motion(self, name: str) -> Motion:
+        """The motion that the suite calls so.
+
+        Raises:
+            ConfigError: there is no such generator, or its file is wrong, gone or another by now.
+            DataError: its file is wrong.
+        """
+        return motion_of(self.motions[name], self._files)
 
 
-def take_name(case: str, condition: str, mount: int, repeat: int) -> str:
-    """What a take is called: `<case>.<condition>.m<mount>.r<repeat>`."""
-    return f"{case}.{condition}.m{mount}.r{repeat}"
+def _distinct(ids: Sequence[str], what: str) -> None:
+    twice = {name for name in ids if ids.count(name) > 1}
+    if twice:
+        raise ValueError(f"two {what} are called {', '.join(sorted(twice))}: an id each")
+
+
+def _check_conditions(conditions: Sequence[Condition], order: Order, compare: str | None) -> None:
+    if not conditions:
+        for field, value in (("order", None if order == "given" else order), ("compare", compare)):
+            if value is not None:
+                raise ValueError(
+                    f"{field} is {value}, and there are no conditions: "
+                    "give conditions, one of them with baseline: true"
+                )
+        return
+    base = [condition.id for condition in conditions if condition.baseline]
+    if not base:
+        raise ValueError("no condition is the baseline: give one of them baseline: true")
+    if len(base) > 1:
+        raise ValueError(f"{' and '.join(base)} are both the baseline: one condition is")
+    if len(conditions) < 2:
+        raise ValueError(f"{base[0]} is the only condition: give another to compare, or none")
 
 
 def load_suite(
@@ -189,8 +218,11 @@ def load_suite(
 
 def _resolve(path: Path, others: dict[str, Path], below: tuple[Path, ...]) -> Suite:
     content, root = load_yaml(path)
+    files = _motion_files(content, path, root)
     if "extends" not in content:
-        return validate(content, Suite, path, root)
+        suite = validate(content, Suite, path, root)
+        suite._files.update(files)
+        return suite
     file = f"{path}{line_of(root, ['extends'])}"
     if path in below:
         raise ConfigError(
@@ -210,6 +242,7 @@ def _resolve(path: Path, others: dict[str, Path], below: tuple[Path, ...]) -> Su
             fix=f"name the version that is there: {base.label}",
         )
     suite = validate({**base.canonical(), **content}, Suite, path, root)
+    suite._files.update({**base._files, **files})
     if suite.label == base.label:
         raise ConfigError(
             f"is called {suite.label}, as the suite it extends",
@@ -218,3 +251,17 @@ def _resolve(path: Path, others: dict[str, Path], below: tuple[Path, ...]) -> Su
             fix="give it a name or a version of its own",
         )
     return suite
+
+
+def _motion_files(content: dict[str, Any], path: Path, root: yaml.Node) -> dict[str, Path]:
+    """Puts into `content` what stands for the motion files it names; where each of them is."""
+    files: dict[str, Path] = {}
+    motions = content.get("motions")
+    if not isinstance(motions, dict) or content.get("mover", "robot") != "robot":
+        return files
+    for name, value in motions.items():
+        if isinstance(value, str) and is_file(value):
+            where = f"{path}{line_of(root, ['motions', str(name)])}"
+            motions[name] = identity(path.parent / value, where, f"motions.{name}")
+            files[motions[name]] = path.parent / value
+    return files

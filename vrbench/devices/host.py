@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time
 
-from vrbench.streams import Event
+import numpy as np
+
+from vrbench.clocks import Exchanges
 
 
 class RealClock:
     """UTC as it was when this began, carried on by the monotonic clock.
 
-    NTP may step UTC in the midst of a take; this clock it can't bend. `reading` says how far the
+    NTP may step UTC in the midst of a take; this clock it can't bend. `reading` tells how far the
     two have come apart.
     """
 
@@ -23,9 +25,9 @@ class RealClock:
     def wait(self, seconds: float) -> None:
         time.sleep(seconds)
 
-    def reading(self) -> Event:
-        """The clock and UTC at one moment, for the take."""
-        before = self.now()
+    def reading(self) -> Exchanges:
+        """The clock and UTC at one moment, as an exchange whose remote times are UTC."""
+        sent = self.now()
         utc = time.time_ns()
-        now = (before + self.now()) // 2
-        return Event(now, "utc", {"utc_ns": utc, "ahead_ns": now - utc})
+        stamps = (np.array([t], dtype=np.int64) for t in (sent, utc, utc, self.now()))
+        return Exchanges(*stamps)

@@ -1,4 +1,4 @@
-"""Frames of a headset that is elsewhere, on their way into a take; public to authors of plugins.
+"""One headset that is elsewhere, on its way into takes; public to authors of plugins.
 
 No sockets in here: a route's receiver hands in what comes, with the time of receipt, and the route
 takes out columns. Frames wait until the clock can tell their times (`DeviceClock`).
@@ -14,37 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from vrbench.devices.follower import Answer, DeviceClock, exchanges_of
-from vrbench.geometry import Floats, Ints, Transform, quat_normalize
-from vrbench.streams import GOOD, Columns, Event, Flag, Joints, Samples
-from vrbench.trajectory import NS, QUATERNION_TOLERANCE
+from vrbench.devices.follower import Answer, DeviceClock
+from vrbench.devices.frames import EPOCH, FLAGS, MS, NOW, Frames
+from vrbench.devices.gathering import Gathering
+from vrbench.geometry import Bools, Floats, Ints
+from vrbench.streams import GOOD, Columns
+from vrbench.trajectory import NS
 
-# What a frame is: times [ms] on the headset's clock, a pose [m], velocities [m/s, rad/s].
-COLUMNS = (
-    "callback_ms",
-    "display_ms",
-    "now_ms",
-    *("x", "y", "z"),
-    *("qx", "qy", "qz", "qw"),
-    *("vx", "vy", "vz"),
-    *("wx", "wy", "wz"),
-    "flags",
-    "epoch",
-)
-CALLBACK, DISPLAY, NOW = 0, 1, 2
-P, Q, VELOCITIES = slice(3, 6), slice(6, 10), slice(10, 16)
-FLAGS, EPOCH = 16, 17
-
-STREAM = "headset/eye"
-TIMES = "headset/frames"
-TIMES_NAMES = (*COLUMNS[:3], *COLUMNS[VELOCITIES])
-MS = 1_000_000
-# Frames this far apart are no frames dropped: the headset slept, or hid the session.
-PAUSE_NS = NS // 4
 # Without frames for so long, the headset is asleep.
 ASLEEP_NS = 3 * NS
-# A pose is for a display time near its frame; anything else is no display time.
-FARTHEST_DISPLAY_MS = 1000.0
 # A frame can't have been made after it arrived; this much is granted to the fit of the clock.
 FUTURE_NS = 20_000_000
 
@@ -61,16 +39,6 @@ class _Run:
     epochs: dict[int, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Waiting:
-    """Frames whose times can't be told yet."""
-
-    rows: Floats
-    epochs: Ints
-    receive_t: int
-    origin_ns: int
-
-
 class Link:
     """One headset and its frames; safe to use from two threads."""
 
@@ -80,17 +48,9 @@ class Link:
         self._runs: dict[str, _Run] = {}
         self._clock = DeviceClock()
         self._epochs = 0
-        self._epoch_of_last: int | None = None
-        self._waiting: deque[_Waiting] = deque()
-        self._taking = False
-        self._start_t = 0
-        self._stop_t: int | None = None
+        self._waiting: deque[Frames] = deque()
+        self._gathering = Gathering()
         self._confirmed_t = 0
-        self._last_time: int | None = None
-        self._samples: list[Samples] = []
-        self._times: list[Joints] = []
-        self._events: list[Event] = []
-        self._answers: list[Answer] = []
         self._recent: deque[tuple[int, int, int]] = deque(maxlen=100)
 
     # What the receiver tells; t is always the time of receipt [ns] on the recorder's clock.
@@ -115,18 +75,18 @@ class Link:
                 self._runs = {run: known}
                 self._clock = DeviceClock()
             self._run = known
-            self._tell(t, "connection", {"state": "open", **facts})
+            self._gathering.tell(t, "connection", {**facts, "state": "open"})
             return known.expected
 
     def on_closed(self, t: int, why: str) -> None:
         """The connection is gone; the app may come back with what it holds."""
         with self._lock:
-            self._tell(t, "connection", {"state": "lost", "why": why})
+            self._gathering.tell(t, "connection", {"state": "lost", "why": why})
 
     def on_refused(self, t: int, why: str) -> None:
         """Somebody was sent away, or a message was."""
         with self._lock:
-            self._tell(t, "refused", {"why": why})
+            self._gathering.tell(t, "refused", {"why": why})
 
     def on_event(
         self, number: int, kind: str, at_ms: float, detail: Mapping[str, Any], t: int
@@ -140,7 +100,7 @@ class Link:
             if self._clock.until is not None:
                 at = run.origin_ns + round(at_ms * MS)
                 t = min(t, int(self._clock.to_host(np.array([at]))[0]))
-            self._tell(t, kind, detail)
+            self._gathering.tell(t, kind, detail)
 
     def on_answer(self, sent: int, received_ms: float, sent_ms: float, t: int) -> None:
         """The headset told its time, at a request that left at `sent` [ns]."""
@@ -150,9 +110,9 @@ class Link:
                 return
             received, answered = (run.origin_ns + round(ms * MS) for ms in (received_ms, sent_ms))
             answer = Answer(sent, received, answered, t)
-            if self._taking:
-                self._answers.append(answer)
-            if not self._clock.add(answer, at_once=self._taking and self._stop_t is not None):
+            take = self._gathering
+            take.answered(answer)
+            if not self._clock.add(answer, at_once=take.taking and take.stop_t is not None):
                 self._lose_clock(t, "the headset's clock stepped")
                 self._clock.add(answer)
             self._confirm()
@@ -172,14 +132,13 @@ class Link:
             if expected is not None:
                 if first > expected:
                     missing = first - expected
-                    self._tell(
-                        t, "gap", {"kind": "sequence", "missing": missing, "first": expected}
-                    )
+                    detail = {"kind": "sequence", "missing": missing, "first": expected}
+                    self._gathering.tell(t, "gap", detail)
                 rows = rows[max(0, expected - first) :]
             if not len(rows):
                 return
             run.expected = end
-            epochs = self._numbered(run, rows)
+            frames = Frames(rows, self._numbered(run, rows), t, run.origin_ns)
             now = rows[:, NOW]
             back = np.flatnonzero(np.diff(now, prepend=run.last_now) < 0)
             run.last_now = float(now[-1])
@@ -188,11 +147,11 @@ class Link:
                 # what is before the last such place is of a clock that is gone
                 cut = int(back[-1])
                 if cut:
-                    self._waiting.append(_Waiting(rows[:cut], epochs[:cut], t, run.origin_ns))
+                    self._waiting.append(frames[:cut])
                 self._lose_clock(t, "frames go back in time")
-                rows, epochs = rows[cut:], epochs[cut:]
-            self._waiting.append(_Waiting(rows, epochs, t, run.origin_ns))
-            if not self._taking and len(self._waiting) > 1000:
+                frames = frames[cut:]
+            self._waiting.append(frames)
+            if not self._gathering.taking and len(self._waiting) > 1000:
                 self._waiting.popleft()
             self._confirm()
 
@@ -237,64 +196,45 @@ class Link:
             facts: of headset and session, for the take, in JSON's types.
         """
         with self._lock:
-            self._taking, self._start_t, self._stop_t = True, t, None
-            self._confirmed_t, self._last_time = 0, None
-            self._samples, self._times, self._events, self._answers = [], [], [], []
-            self._epoch_of_last = None
+            self._confirmed_t = 0
+            self._gathering = Gathering(t)
             known = {} if self._run is None else dict(self._run.facts)
-            self._tell(t, "headset", {**known, **facts, "clock_bound_s": self.bound_s})
+            self._gathering.tell(t, "headset", {**known, **facts, "clock_bound_s": self.bound_s})
 
     def end(self, t: int) -> None:
         """The take ends: frames made after this moment don't belong to it."""
         with self._lock:
-            self._stop_t = t
+            self._gathering.stop_t = t
 
     @property
     def complete(self) -> bool:
         """Whether all frames up to the end of the take are there, and their times known."""
         with self._lock:
-            return self._stop_t is not None and self._confirmed_t >= self._stop_t
+            stop_t = self._gathering.stop_t
+            return stop_t is not None and self._confirmed_t >= stop_t
 
     def finish(self, t: int) -> None:
         """Gives up what could not be told its time by now: it is recorded as not good."""
         with self._lock:
             self._give_up(t, "the connection ended before the clock could tell their times")
-            since = self._start_t if self._last_time is None else self._last_time
-            until = t if self._stop_t is None else self._stop_t
-            if until - since > PAUSE_NS:
-                seconds = round((until - since) / NS, 6)
-                self._tell(t, "gap", {"kind": "end", "seconds": seconds})
-            self._taking = False
+            self._gathering.finish(t)
 
     def mark(self, t: int, name: str) -> None:
         """A mark of the person at the PC."""
         with self._lock:
-            self._tell(t, "mark", {"name": name})
+            self._gathering.tell(t, "mark", {"name": name})
 
     def tell(self, t: int, kind: str, detail: Mapping[str, Any]) -> None:
         """An event that the route knows of."""
         with self._lock:
-            self._tell(t, kind, detail)
+            self._gathering.tell(t, kind, detail)
 
     def take(self) -> Columns:
         """What the take has gained since the last call."""
         with self._lock:
-            samples, self._samples = self._samples, []
-            times, self._times = self._times, []
-            events, self._events = self._events, []
-            answers, self._answers = self._answers, []
-        return Columns(
-            {STREAM: Samples.concatenate(samples)} if samples else {},
-            joints={TIMES: _joined(times)} if times else {},
-            events=events,
-            clocks={"headset": exchanges_of(answers)} if answers else {},
-        )
+            return self._gathering.take()
 
     # Inside; the lock is held.
-
-    def _tell(self, t: int, event: str, detail: Mapping[str, Any]) -> None:
-        if self._taking:
-            self._events.append(Event(t, event, dict(detail)))
 
     def _numbered(self, run: _Run, rows: Floats) -> Ints:
         """Our own numbers of the app's epochs (n,): one more at every new one."""
@@ -309,22 +249,19 @@ class Link:
         """The times of frames that wait can't be told any more, and the clock is followed anew."""
         self._give_up(t, why)
         self._clock = DeviceClock()
-        self._tell(t, "clock", {"state": "lost", "why": why})
+        self._gathering.tell(t, "clock", {"state": "lost", "why": why})
 
     def _confirm(self) -> None:
         """Passes on the frames whose times are known by now."""
         since, until = self._clock.since, self._clock.until
         while until is not None and since is not None and self._waiting:
             waiting = self._waiting[0]
-            now = _ns(waiting.rows[:, NOW], waiting.origin_ns)
+            now = waiting.made
             ready = int(np.searchsorted(now, until, side="right"))
             if ready:
-                self._pass_on(waiting, slice(0, ready), now[:ready], now[:ready] >= since)
+                self._pass_on(waiting[:ready], now[:ready] >= since)
             if ready < len(now):
-                rest = slice(ready, None)
-                self._waiting[0] = _Waiting(
-                    waiting.rows[rest], waiting.epochs[rest], waiting.receive_t, waiting.origin_ns
-                )
+                self._waiting[0] = waiting[ready:]
                 break
             self._waiting.popleft()
         if until is not None:
@@ -334,105 +271,26 @@ class Link:
     def _give_up(self, t: int, why: str) -> None:
         """Frames that wait are recorded by their time of receipt, and none of them as good."""
         lost = 0
-        for waiting in self._waiting:
-            n = len(waiting.rows)
-            host = np.full(n, self._untold_t(waiting))
-            lost += n if self._belongs(host)[0] else 0
-            arrived = np.full(n, waiting.receive_t)
-            self._append(waiting, slice(None), host, arrived, np.zeros(n, dtype=bool))
+        for frames in self._waiting:
+            n = len(frames)
+            host = np.full(n, self._untold_t(frames))
+            lost += n if self._gathering.belongs(host)[0] else 0
+            arrived = np.full(n, frames.receive_t)
+            self._gathering.add(frames, host, arrived, np.zeros(n, dtype=bool))
         self._waiting.clear()
         if lost:
-            self._tell(t, "clock", {"state": "untold", "frames": lost, "why": why})
+            self._gathering.tell(t, "clock", {"state": "untold", "frames": lost, "why": why})
 
-    def _pass_on(self, waiting: _Waiting, part: slice, now: Ints, known: Any) -> None:
-        rows = waiting.rows[part]
-        host = self._clock.to_host(now)
-        sound = known & (host <= waiting.receive_t + FUTURE_NS)
-        display = rows[:, DISPLAY]
-        ahead = display - rows[:, NOW]
-        shown = np.isfinite(ahead) & (np.abs(ahead) < FARTHEST_DISPLAY_MS)
-        refers = np.where(shown, display, rows[:, CALLBACK])
-        pose_t = self._clock.to_host(_ns(refers, waiting.origin_ns))
-        host = np.where(sound, host, self._untold_t(waiting))
-        pose_t = np.where(sound, pose_t, waiting.receive_t)
-        self._append(waiting, part, host, pose_t, sound)
+    def _pass_on(self, frames: Frames, known: Bools) -> None:
+        """Frames whose times the clock knows, if they can't be from the future."""
+        host = self._clock.to_host(frames.made)
+        sound = known & (host <= frames.receive_t + FUTURE_NS)
+        pose_t = np.where(sound, self._clock.to_host(frames.refers), frames.receive_t)
+        self._gathering.add(frames, np.where(sound, host, self._untold_t(frames)), pose_t, sound)
 
-    def _untold_t(self, waiting: _Waiting) -> int:
+    def _untold_t(self, frames: Frames) -> int:
         """The time of frames of which only their arrival is known; a take's end may lie before."""
-        if self._stop_t is None or self._confirmed_t >= self._stop_t:
-            return waiting.receive_t
-        return min(waiting.receive_t, self._stop_t)
-
-    def _belongs(self, host: Ints) -> Any:
-        end = np.iinfo(np.int64).max if self._stop_t is None else self._stop_t
-        return (host >= self._start_t) & (host <= end) & self._taking
-
-    def _append(self, waiting: _Waiting, part: slice, host: Ints, pose_t: Ints, sound: Any) -> None:
-        inside = self._belongs(host)
-        if not inside.any():
-            return
-        rows, epochs = waiting.rows[part][inside], waiting.epochs[part][inside]
-        host, pose_t = host[inside], pose_t[inside]
-        pose, flags = _checked(rows, sound[inside])
-        self._tell_pauses(host, epochs)
-        n = len(rows)
-        receive_t = np.full(n, waiting.receive_t)
-        self._samples.append(
-            Samples(
-                source_t=_ns(rows[:, CALLBACK], waiting.origin_ns),
-                pose_t=pose_t,
-                receive_t=receive_t,
-                pose=pose,
-                flags=flags,
-                epoch=epochs.astype(np.uint32),
-            )
-        )
-        times = np.hstack((rows[:, :3], rows[:, VELOCITIES]))
-        self._times.append(Joints(host, receive_t, times, np.zeros_like(times), TIMES_NAMES))
-
-    def _tell_pauses(self, host: Ints, epochs: Ints) -> None:
-        """Events of what lies between frames: silence, a new world."""
-        before = host[0] if self._last_time is None else self._last_time
-        steps = np.diff(host, prepend=before)
-        for i in np.flatnonzero(steps > PAUSE_NS):
-            seconds = round(float(steps[i]) / NS, 6)
-            self._tell(int(host[i]), "gap", {"kind": "time", "seconds": seconds})
-        self._last_time = int(host[-1])
-        first = epochs[0] if self._epoch_of_last is None else self._epoch_of_last
-        for i in np.flatnonzero(np.diff(epochs, prepend=first)):
-            self._tell(int(host[i]), "recentre", {"epoch": int(epochs[i])})
-        self._epoch_of_last = int(epochs[-1])
-
-
-def _ns(ms: Floats, origin_ns: int) -> Ints:
-    """Times [ns] on the headset's clock since 1970, of milliseconds after its origin."""
-    return np.rint(ms * MS).astype(np.int64) + origin_ns
-
-
-def _checked(rows: Floats, sound: Any) -> tuple[Transform, Any]:
-    """Poses (n,), and flags (n,) from which all that can't be believed is taken away.
-
-    What is no pose is written as the identity, with its flags cleared.
-    """
-    p, q = rows[:, P], rows[:, Q]
-    flags = np.where(sound, rows[:, FLAGS], 0.0).astype(np.uint32)
-    places = np.asarray(np.isfinite(p).all(axis=1))
-    with np.errstate(over="ignore", invalid="ignore"):
-        turns = np.asarray(np.abs(np.linalg.norm(q, axis=1) - 1.0) < QUATERNION_TOLERANCE)
-    position = np.uint32(Flag.POSITION_VALID | Flag.POSITION_TRACKED)
-    orientation = np.uint32(Flag.ORIENTATION_VALID | Flag.ORIENTATION_TRACKED)
-    flags &= np.where(places, np.uint32(15), ~position & np.uint32(15))
-    flags &= np.where(turns, np.uint32(15), ~orientation & np.uint32(15))
-    p = np.where(places[:, None], p, 0.0)
-    q = np.where(turns[:, None], q, [0.0, 0.0, 0.0, 1.0])
-    return Transform(p, quat_normalize(q)), flags
-
-
-def _joined(parts: list[Joints]) -> Joints:
-    return Joints(
-        t=np.concatenate([x.t for x in parts]),
-        receive_t=np.concatenate([x.receive_t for x in parts]),
-        position=np.concatenate([x.position for x in parts]),
-        velocity=np.concatenate([x.velocity for x in parts]),
-        names=TIMES_NAMES,
-    )
+        stop_t = self._gathering.stop_t
+        if stop_t is None or self._confirmed_t >= stop_t:
+            return frames.receive_t
+        return min(frames.receive_t, stop_t)

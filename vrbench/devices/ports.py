@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self
 
 from pydantic import BaseModel, ConfigDict
 
+from vrbench.clocks import Exchanges
 from vrbench.devices.permit import Permit
 from vrbench.geometry import Transform
 from vrbench.streams import Columns
@@ -25,6 +26,13 @@ class HostClock(Protocol):
 
     def wait(self, seconds: float) -> None:
         """Lets time pass."""
+        ...
+
+    def reading(self) -> Exchanges | None:
+        """The clock and UTC at one moment, an exchange whose remote times are UTC.
+
+        None where time is virtual.
+        """
         ...
 
 
@@ -47,16 +55,45 @@ class Session:
     permit: Permit = field(default_factory=Permit)
 
 
+@dataclass(frozen=True, slots=True)
+class Occlusion:
+    """Which cameras of a headset are covered.
+
+    Attributes:
+        level: what suites call it.
+        cameras: those covered, name by id.
+        share: of all cameras, 0..1.
+    """
+
+    level: str = "none"
+    cameras: Mapping[int, str] = field(default_factory=dict)
+    share: float = 0.0
+
+
 class Operator(Protocol):
-    """Who does by hand what no device does: a person at the terminal, or a simulated one."""
+    """Who does by hand what no device does: a person at the terminal, or a simulated one.
+
+    Each method returns when it is done; a robot rests meanwhile, but for `recentre`.
+    """
 
     def remount(self, mount: int) -> None:
         """Takes the headset off and fixes it again, the mount-th time."""
         ...
 
+    def cover(self, occlusion: Occlusion) -> None:
+        """Covers these cameras, and uncovers all others."""
+        ...
+
+    def recentre(self) -> None:
+        """Gives the headset's world a new origin, by the controller: the robot may be moving."""
+        ...
+
 
 class PoseSource(Protocol):
-    """A device that sends poses. Entered, it is connected; left, it is released."""
+    """A device that sends poses. Entered, it is connected; left, it is released.
+
+    It may have `facts() -> Mapping[str, str]` besides: see `facts_of`.
+    """
 
     def __enter__(self) -> Self: ...
 
@@ -78,6 +115,15 @@ class PoseSource(Protocol):
     def stop(self) -> None:
         """Ends what `start` began; what is on its way can still be read."""
         ...
+
+
+def facts_of(source: PoseSource) -> dict[str, str]:
+    """What a headset says of itself and its logger once a take has begun; nothing where it can't.
+
+    Names are `firmware`, `logger_version` and `prediction`: how far ahead poses are, and by whom.
+    """
+    tell: Callable[[], Mapping[str, str]] | None = getattr(source, "facts", None)
+    return {} if tell is None else dict(tell())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,6 +228,11 @@ class Tracking:
         scale_error: its distances too long by this, relative; ref/est is 1 / (1 + this).
         drift_m_per_min: slow drift of its world, in a direction of chance [m/min].
         drift_rad_per_min: the same of yaw, to a side of chance [rad/min].
+        occlusion_growth: with a share s of its cameras covered, all its noise is 1 + s times this
+            as large; with all of them covered its position isn't tracked. The paper's Quest Pro
+            went from 3.05 mm to 6.08 with two of four cameras covered and 5.56 with three.
+        relocalisation_s: after that, how long it takes to find its position again [s],
+        relocalisation_m: and by how much its world is off then, rms of each axis [m].
         source: where the numbers come from.
     """
 
@@ -197,6 +248,9 @@ class Tracking:
     scale_error: float = 0.0
     drift_m_per_min: float = 0.0
     drift_rad_per_min: float = 0.0
+    occlusion_growth: float = 1.6
+    relocalisation_s: float = 1.2
+    relocalisation_m: float = 0.002
     source: str = "made up"
 
 
@@ -208,7 +262,7 @@ class HeadsetProfile:
         rate_hz: nominal rate of poses [Hz].
         cameras: tracking cameras, name by id.
         clock: the clock of its stamps: `utc`, `monotonic` or `device`.
-        occlusion: camera ids covered, by level; `none` is always there.
+        occlusion: camera ids covered, by level; `none` and `all` are always there.
         tracking: how its simulated stand-in errs.
     """
 
@@ -217,6 +271,16 @@ class HeadsetProfile:
     clock: str = "device"
     occlusion: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"none": ()})
     tracking: Tracking = field(default_factory=Tracking)
+
+    def covered(self, level: str) -> Occlusion | None:
+        """What a level covers on this model; None where it has no such level."""
+        if level == "all":
+            return Occlusion(level, self.cameras, 1.0)
+        ids = self.occlusion.get(level, () if level == "none" else None)
+        if ids is None:
+            return None
+        names = {id_: self.cameras.get(id_, f"camera {id_}") for id_ in ids}
+        return Occlusion(level, names, len(names) / max(len(self.cameras), 1))
 
 
 @dataclass(frozen=True, slots=True)

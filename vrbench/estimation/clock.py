@@ -20,6 +20,7 @@ from vrbench.estimation.correlation import (
     refined_peak,
 )
 from vrbench.estimation.drift import LONG_TAKE_S, Stretch, fit_drift
+from vrbench.estimation.outliers import informative
 from vrbench.geometry import Bools, Floats, Ints
 from vrbench.trajectory import NS, Trajectory
 
@@ -212,7 +213,6 @@ def _enough(first: Signal, second: Signal) -> float:
 
 
 def _signals(reference: Trajectory, estimate: Trajectory) -> tuple[Signal, Signal]:
-    signals = {}
     for name, trajectory in (("reference", reference), ("estimate", estimate)):
         if trajectory.duration_s < MINIMUM_OVERLAP_S:
             raise EstimationError(
@@ -220,10 +220,18 @@ def _signals(reference: Trajectory, estimate: Trajectory) -> tuple[Signal, Signa
                 field=name,
                 fix=f"at least {MINIMUM_OVERLAP_S:g} s are needed to find a clock",
             )
-        signals[name] = angular_speed(trajectory)
-    first, second = signals["reference"], signals["estimate"]
+    first = angular_speed(reference)
+    fastest = float(first.value.max())
+    moving = estimate[informative(estimate, fastest)]
+    if len(moving) < MINIMUM_POSES or moving.duration_s < MINIMUM_OVERLAP_S:
+        raise EstimationError(
+            f"tells one and the same pose: only {len(moving)} of {len(estimate)} poses are new",
+            field="estimate",
+            fix="a clock needs motion, and tracking that follows it",
+        )
+    second = angular_speed(moving)
     if first.mask.any():
-        second = second.limited(LARGEST_SPEED_RATIO * float(first.value.max()))
+        second = second.limited(LARGEST_SPEED_RATIO * fastest)
     for name, signal in (("reference", first), ("estimate", second)):
         spread = float(np.std(signal.value[signal.mask])) if signal.mask.any() else 0.0
         if spread < MINIMUM_MOTION_RAD_S:

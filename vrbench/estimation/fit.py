@@ -42,6 +42,9 @@ NOISE_TURNS = 3
 DRIFT_S = 40.0
 # Steps are held to where the linearisation is good.
 LARGEST_STEP = {"offset": 0.05, "skew": 1e-3, "r": 0.2, "p": 0.5, "scale": 0.1}
+# Steps of this part of the largest are rounding: a nanosecond, some nanometres. Streams without
+# noise have sigmas below that.
+ROUNDING = 1e-8
 WORST_OFFSET_SIGMA_S = 0.05
 
 
@@ -195,6 +198,7 @@ def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floa
     """
     names = model.names
     root: Floats = np.zeros((len(names), len(names)))
+    rounding = ROUNDING * _largest_steps(names)
     for turn in range(MAX_ITERATIONS):
         translation, rotation = binned(model, state)
         if turn < NOISE_TURNS:
@@ -206,7 +210,8 @@ def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floa
         step = -normal.bread @ normal.gradient
         state = state.moved(names, step)
         sigma = np.sqrt(np.diag(covariance))
-        if turn >= NOISE_TURNS and np.all(np.abs(step) < SETTLED * sigma):
+        settled = np.abs(step) < np.maximum(SETTLED * sigma, rounding)
+        if turn >= NOISE_TURNS and settled.all():
             return state, covariance
         root = np.linalg.cholesky(covariance).astype(np.float64)
     raise _no_convergence()
@@ -221,14 +226,20 @@ def _no_convergence() -> EstimationError:
 
 def _iterate(model: Model, state: State, prior: _Prior, *, tolerance: float = CONVERGED) -> State:
     """Gauss-Newton with weights renewed at every step, until steps are small beside sigmas."""
-    limits = np.array([LARGEST_STEP.get(n, LARGEST_STEP.get(n[2:3], 0.0)) for n in model.names])
+    limits = _largest_steps(model.names)
     for _ in range(MAX_ITERATIONS):
         normal = normal_equations(model, state, *prior.terms(model.names, state))
         step = -normal.bread @ normal.gradient
-        if np.all(np.abs(step) < tolerance * np.sqrt(np.diag(normal.bread))):
+        enough = tolerance * np.sqrt(np.diag(normal.bread))
+        if np.all(np.abs(step) < np.maximum(enough, ROUNDING * limits)):
             return state
         state = state.moved(model.names, step / max(float(np.max(np.abs(step) / limits)), 1.0))
     raise _no_convergence()
+
+
+def _largest_steps(names: tuple[str, ...]) -> Floats:
+    """How far each parameter (k,) may move in one step."""
+    return np.array([LARGEST_STEP.get(n, LARGEST_STEP.get(n[2:3], 0.0)) for n in names])
 
 
 def _refuse_undetermined(

@@ -117,6 +117,22 @@ def solve_world(T_base_tcp: Transform, T_world_eye: Transform, x: Transform) -> 
     return Transform(py, matrix_to_quat(ry))
 
 
+def refuse_other_handedness(T_base_tcp: Transform, T_world_eye: Transform) -> None:
+    """Looks at poses (n,) that a known X doesn't bring together, for what is wrong with them.
+
+    Raises:
+        EstimationError: the eye's poses are mirrored or inverse, or its positions and orientations
+            are in different frames.
+    """
+    A, E = quat_to_matrix(T_base_tcp.q), quat_to_matrix(T_world_eye.q)
+    rx, ry, weights = _solve_rotations(A, E)
+    error = float(np.median(_angles(A @ rx, ry @ E)))
+    if error > np.radians(FRAME_TURN_DEG):
+        _refuse_inverse(A, E, error)
+    px, py, _ = _solve_translations(A, T_base_tcp.p, T_world_eye.p @ ry.T, weights)
+    _refuse_other_frames(A, T_base_tcp.p, T_world_eye.p, px, py, ry)
+
+
 def residuals(
     T_base_tcp: Transform, T_world_eye: Transform, x: Transform, y: Transform
 ) -> tuple[Floats, Floats]:
@@ -200,19 +216,24 @@ def _refuse_unrelated(A: Floats, E: Floats, rx: Floats, ry: Floats, weights: Flo
     motion = quat_to_matrix(mean_rotation(matrix_to_quat(A)))
     if error < UNRELATED * float(np.median(_angles(A, np.broadcast_to(motion, A.shape)))):
         return
-    inverse_x, inverse_y, _ = _solve_rotations(A, np.swapaxes(E, 1, 2))
-    inverse = float(np.median(_angles(A @ inverse_x, inverse_y @ np.swapaxes(E, 1, 2))))
-    if inverse < 0.2 * error:
-        raise EstimationError(
-            "the eye's orientations are inverse: T_eye_world instead of T_world_eye, or the "
-            "quaternion's vector part has the wrong sign",
-            fix="convert the headset's poses at their import",
-        )
+    _refuse_inverse(A, E, error)
     raise EstimationError(
         f"the orientations do not follow the reference's: {np.degrees(error):.1f} deg apart in "
         f"the median for the best mounting ({np.mean(weights > 0):.0%} of poses agree)",
         fix="check the clock, the order of the quaternion and that both streams are of one motion",
     )
+
+
+def _refuse_inverse(A: Floats, E: Floats, error: float) -> None:
+    """Raises EstimationError where the inverse rotations leave far less than error [rad]."""
+    back = np.swapaxes(E, 1, 2)
+    rx, ry, _ = _solve_rotations(A, back)
+    if float(np.median(_angles(A @ rx, ry @ back))) < 0.2 * error:
+        raise EstimationError(
+            "the eye's orientations are inverse: T_eye_world instead of T_world_eye, or the "
+            "quaternion's vector part has the wrong sign",
+            fix="convert the headset's poses at their import",
+        )
 
 
 def _refuse_other_frames(

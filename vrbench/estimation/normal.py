@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from vrbench.estimation.model import Model, State
 from vrbench.estimation.noise import BIN_S, LEAST_WEIGHT, Noise, estimate_noise
 from vrbench.estimation.robust import bisquare, scale_of
 from vrbench.geometry import Bools, Floats
+
+# Functions of time as a sparse matrix of scipy's.
+Hats = Any
 
 # Wide, so that the heavy tails of real tracking count almost in full, yet jumps not at all: under
 # a scale that is free, even a little weight of a jump shrinks it.
@@ -104,7 +108,7 @@ def general_equations(
     rotation: Binned,
     noises: tuple[Noise, Noise],
     names: tuple[str, ...],
-    hats: Floats | None,
+    hats: Hats | None,
     information: Floats,
     pull: Floats,
 ) -> tuple[Normal, Floats]:
@@ -134,7 +138,7 @@ def general_equations(
     known = translation.known
     kept = np.where(known[:, None, None], translation.derivative, 0.0)
     if hats is not None:
-        kept = _without_drift(kept, hats * known[:, None])
+        kept = _without_drift(kept, hats, known)
     flat = kept.reshape(-1, k)
     equal = flat.T @ translation.derivative.reshape(-1, k)
     scatter = noises[0].scattered(kept)
@@ -147,27 +151,35 @@ def general_equations(
     return Normal(bread, gradient), bread @ middle @ bread
 
 
-def drift_hats(bins: int, drift_s: float) -> Floats | None:
-    """Piecewise-linear functions of time (bins, h), knots half of `drift_s` apart.
+def drift_hats(bins: int, drift_s: float) -> Hats | None:
+    """Piecewise-linear functions of time (bins, h), knots half of `drift_s` apart; sparse.
 
     None for takes too short to tell drift from motion.
     """
     duration_s = bins * BIN_S
     if duration_s < 2.0 * drift_s:
         return None
-    knots = np.linspace(0.0, bins - 1.0, int(np.ceil(2.0 * duration_s / drift_s)) + 1)
-    return np.stack([np.interp(np.arange(bins), knots, hat) for hat in np.eye(len(knots))], 1)
+    from scipy.sparse import csr_array
+
+    knots = int(np.ceil(2.0 * duration_s / drift_s)) + 1
+    at = np.arange(bins) * ((knots - 1.0) / (bins - 1.0))
+    left = np.minimum(at.astype(np.int64), knots - 2)
+    values = np.stack((left + 1.0 - at, at - left), axis=1)
+    columns = np.stack((left, left + 1), axis=1)
+    starts = 2 * np.arange(bins + 1)
+    return csr_array((values.ravel(), columns.ravel(), starts), shape=(bins, knots))
 
 
-def _without_drift(values: Floats, hats: Floats) -> Floats:
+def _without_drift(values: Floats, hats: Hats, known: Bools) -> Floats:
     """Values (b, 3, k) less what a drift of hats (b, h) explains, up to `DRIFT_SHARE` of it."""
-    inner = hats.T @ hats
+    held = hats.multiply(known[:, None]).tocsr()
+    inner = (held.T @ held).toarray()
     size = inner.shape[0]
     ridge = DRIFT_SHARE / (1.0 - DRIFT_SHARE) * np.trace(inner) / size
-    slow = np.linalg.solve(
-        inner + ridge * np.eye(size), np.tensordot(hats, values, (0, 0)).reshape(size, -1)
-    )
-    return values - (hats @ slow).reshape(values.shape)
+    flat = values.reshape(len(values), -1)
+    slow = np.linalg.solve(inner + ridge * np.eye(size), held.T @ flat)
+    found: Floats = flat - held @ slow
+    return found.reshape(values.shape)
 
 
 def _weights(residual: Floats) -> Floats:

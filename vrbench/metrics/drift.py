@@ -24,8 +24,10 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
     """Theil-Sen slopes of the eye's error, axis by axis.
 
     Translation and tilt are the lengths of their slope vectors, so never negative; yaw is signed,
-    positive about up.
+    positive about up. A take that repeats its motion has none here: its drift is told loop by loop.
     """
+    if any(event.kind == "loop" for event in take.columns.events):
+        return
     try:
         slopes, n = _slopes(take)
     except EstimationError as error:

@@ -14,8 +14,8 @@ from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent, summarise
 from vrbench.trajectory import NS
 
-UNITS = {"recovery.time": "s", "recovery.offset": "mm"}
-SHOWN = ("mean", "median", "max")
+UNITS = {"recovery.time": "s", "recovery.found": "s", "recovery.offset": "mm"}
+SHOWN = ("rmse", "mean", "median", "max")
 MIN_LOSS_S = 0.1
 BEFORE_S, BESIDE_S = 2.0, 0.5
 RECOVERED_M = 0.005
@@ -66,9 +66,13 @@ def recovery(
 
 
 def of_take(take: ScoredTake) -> Iterator[Value]:
-    """Times and offsets over all losses; the longest time is unknown if one never recovers."""
+    """Times and offsets over all losses; the longest time is unknown if one never recovers.
+
+    Times run from the loss; where cameras were covered, from when they were uncovered. `found` is
+    until there are poses again, `time` until they are right.
+    """
     try:
-        times, offsets = _all(take)
+        times, found, offsets = _all(take)
     except EstimationError as error:
         for name, unit in UNITS.items():
             yield absent(name, unit, str(error), statistic="max", point="eye")
@@ -80,26 +84,32 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
     else:
         seconds = np.array(times, dtype=np.float64)
         yield from summarise("recovery.time", seconds, "s", point="eye", only=SHOWN)
+    yield from summarise("recovery.found", np.array(found), "s", point="eye", only=SHOWN)
     yield from summarise("recovery.offset", MM * np.array(offsets), "mm", point="eye", only=SHOWN)
 
 
-def _all(take: ScoredTake) -> tuple[list[float | None], list[float]]:
+def _all(take: ScoredTake) -> tuple[list[float | None], list[float], list[float]]:
+    """Times to be right (None: never) and to be found [s], and offsets [m], of each loss."""
     good_t = np.unique(take.samples.pose_t[take.samples.good])
     found = losses(good_t)
+    covers = [event.t for event in take.columns.events if event.kind == "occlusion"]
     if not found:
         raise EstimationError("tracking was never lost")
     eye = next(under(take, Transform.identity()))
     untils = [lost for lost, _ in found[1:]] + [int(good_t[-1])]
     times: list[float | None] = []
+    blind: list[float] = []
     offsets: list[float] = []
     for (lost, back), until in zip(found, untils, strict=True):
         time, offset = recovery(take.estimate.t, eye.truth, eye.estimate, lost, back, until)
         if offset is not None:
-            times.append(time)
+            covered = (max([lost, *(t for t in covers if lost < t < back)]) - lost) / NS
+            times.append(None if time is None else time - covered)
+            blind.append((back - lost) / NS - covered)
             offsets.append(offset)
     if not offsets:
         raise EstimationError("there is no reference beside the losses of tracking")
-    return times, offsets
+    return times, blind, offsets
 
 
 FAMILY = Family(

@@ -25,6 +25,8 @@ class Value:
         band: `all`, `<2Hz`, `>2Hz`.
         segment: `all`, `epoch:2`, `loop:17`.
         variant: `main`, `in-sample`, `fixed-offset`, `vs-baseline`.
+        low: lower end of its interval of 95 %, over this take; None where it has none.
+        high: and its upper end.
     """
 
     metric: str
@@ -37,6 +39,8 @@ class Value:
     segment: str = "all"
     variant: str = "main"
     reason: str = ""
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,9 @@ Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 NOTHING = {"none", "no", "unknown", "n/a", "-", "?", "tbd", "todo"}
 RATE_TOLERANCE = 0.02
 START_TOLERANCE = 1e-6
+# A seated player moves within 0.6 m at 0.9 m/s, one who walks a room within 5 m.
+LARGEST_BOX_M, LARGEST_SPEED_M_S = 20.0, 10.0
+HEAD_BOX_M = 8.0
 
 
 class Header(BaseModel):
@@ -100,23 +103,60 @@ def read_motion(path: Path) -> Motion:
     rows = read_tum(path)
     if len(rows) < 2 or rows.t[0] != 0:
         raise DataError("its rows don't begin at 0 s, or are fewer than two", file=path)
-    first = rows.pose[0]
-    still = relative_angle(first.q, np.array([0.0, 0.0, 0.0, 1.0]))
-    if max(float(np.abs(first.p).max()), float(still)) > START_TOLERANCE:
-        raise DataError(
-            "its first pose isn't the identity", file=path, fix="poses are relative to the first"
-        )
+    _check_frame(rows.pose[0], path)
     rate = 1.0 / rows.period_s
     if abs(rate / header.rate_hz - 1.0) > RATE_TOLERANCE:
+        unit = _time_unit(header.rate_hz / rate)
         raise DataError(
             f"its rows have {rate:.4g} Hz, its header says {header.rate_hz:g}",
             file=path,
             field="rate_hz",
+            fix=f"its stamps look like {unit}; they are in s" if unit else None,
         )
+    _check_size(rows, path)
     if header.up == "z":
         rows = rows.mapped(_y_up)
     title = ", ".join(x for x in (header.motion, header.game, header.posture) if x)
     return Motion(header.name, title, rows, header.source)
+
+
+def _check_frame(first: Transform, path: Path) -> None:
+    """The first pose is the identity: anything else is in some frame of its own."""
+    turned = float(relative_angle(first.q, np.array([0.0, 0.0, 0.0, 1.0])))
+    away = float(np.linalg.norm(first.p))
+    if max(away, turned) <= START_TOLERANCE:
+        return
+    if abs(abs(first.q[0]) - 1.0) < START_TOLERANCE and away <= START_TOLERANCE:
+        raise DataError(
+            "its first quaternion is 1 0 0 0: a half turn, or w written first",
+            file=path,
+            fix="the order is qx qy qz qw",
+        )
+    raise DataError(
+        f"its first pose isn't the identity: {away:.3g} m and {np.degrees(turned):.3g} deg from it",
+        file=path,
+        fix="poses are of the eye, relative to the first (T_eye0_eye), not in a room or world: "
+        "`vrbench motion extract` writes such files",
+    )
+
+
+def _time_unit(factor: float) -> str | None:
+    """The unit that stamps have which are so many times too large; None where it is no unit's."""
+    units = {1e-3: "ks", 1e3: "ms", 1e6: "us", 1e9: "ns", 1.0 / 60.0: "min"}
+    return next((u for f, u in units.items() if abs(factor / f - 1.0) < RATE_TOLERANCE), None)
+
+
+def _check_size(rows: Trajectory, path: Path) -> None:
+    """A head moves within a few metres, at a few metres a second: all else is another unit."""
+    box = float(np.max(rows.pose.p.max(axis=0) - rows.pose.p.min(axis=0)))
+    fast = float(np.percentile(rows.speed(), 99))
+    if box > LARGEST_BOX_M or fast > LARGEST_SPEED_M_S:
+        guess = next((u for f, u in ((100.0, "cm"), (1e3, "mm")) if box / f <= HEAD_BOX_M), None)
+        raise DataError(
+            f"it moves within {box:.3g} m, at up to {fast:.3g} m/s: that is no head's motion",
+            file=path,
+            fix="positions are in m" + (f"; these look like {guess}" if guess else ""),
+        )
 
 
 def has_header(path: Path) -> bool:

@@ -154,6 +154,7 @@ def gate(
     end: int,
     tcp: Transform,
     limits: Limits,
+    checks: Sequence[Calibration] = (),
 ) -> Verdict:
     """Whether a take from start to end [ns], with poses `T_base_tcp` tcp (n,), may rest on these.
 
@@ -165,16 +166,18 @@ def gate(
         end: when it ended.
         tcp: its poses.
         limits: of the suite's gate.
+        checks: which say, as calibrations do, that the headset didn't move on its mount.
     """
     if not calibrations:
         return Verdict("invalid", "no calibration in this mount")
     agreeing = [*calibrations, own] if own else list(calibrations)
-    reason = _residuals(agreeing, limits) or _age(calibrations, start, end, limits)
-    reason = reason or _agreement(agreeing, limits)
+    around = [*calibrations, *checks]
+    reason = _residuals(agreeing, limits) or _age(around, start, end, limits)
+    reason = reason or _agreement([*agreeing, *checks], limits)
     if reason:
         return Verdict("invalid", reason)
-    before = any(c.end <= start for c in calibrations)
-    after = any(c.start >= end for c in calibrations)
+    before = any(c.end <= start for c in around)
+    after = any(c.start >= end for c in around)
     status, notes = "ok", []
     if own is None and not (before and after):
         status = "unbracketed"

@@ -8,11 +8,14 @@ import numpy as np
 
 from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
-from vrbench.estimation.clock import ClockFit, estimate_clock
 from vrbench.estimation.fit import Fit, fit
-from vrbench.estimation.handeye import residuals, solve_handeye
+from vrbench.estimation.handeye import (
+    refuse_other_handedness,
+    residuals,
+    solve_handeye,
+    solve_world,
+)
 from vrbench.estimation.interpolation import PoseSpline, paired
-from vrbench.estimation.trim import active_window
 from vrbench.geometry import Floats, Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, thinned
@@ -20,29 +23,14 @@ from vrbench.protocols.protocol import (
     Protocol,
     headset_samples,
     recorded_span,
-    reference_samples,
 )
-from vrbench.streams import Columns, Samples
+from vrbench.protocols.synchrony import synchronised
+from vrbench.streams import Columns
 from vrbench.trajectory import NS, Trajectory
 
-
-def _synchronised(columns: Columns, reference: str) -> tuple[Trajectory, Trajectory, ClockFit]:
-    """The reference in its active window, the headset's good poses, and the clock between them.
-
-    The search for the offset is centred on what the times of arrival tell of it, so that clocks
-    that count from a device's start are found too.
-    """
-    truth, headset = reference_samples(columns, reference), headset_samples(columns)
-    whole = truth.trajectory()
-    moving = whole.between(*active_window(whole))
-    estimate = headset.trajectory()
-    around = _behind(headset) - _behind(truth)
-    return moving, estimate, estimate_clock(moving, estimate, around_s=around)
-
-
-def _behind(samples: Samples) -> float:
-    """The median of pose time minus time of arrival [s]."""
-    return float(np.median(samples.pose_t - samples.receive_t)) / NS if len(samples) else 0.0
+# No headset errs so in the median; what does is a frame of another kind, or another mount.
+UNLIKE_RAD = np.radians(10.0)
+UNLIKE_SHARE = 0.3
 
 
 def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
@@ -60,14 +48,14 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
         raise EstimationError(
             f"the headset recentred within the calibration: it has {len(epochs)} epochs"
         )
-    moving, estimate, synchrony = _synchronised(columns, reference)
-    spline = PoseSpline(moving)
-    covered, tcp = paired(spline, estimate, synchrony.clock)
+    together = synchronised(columns, reference)
+    spline, estimate, clock = together.spline, together.estimate, together.clock_fit.clock
+    covered, tcp = paired(spline, estimate, clock)
     start = solve_handeye(tcp, estimate.pose[covered])
     best = fit(
         spline,
         estimate,
-        clock=synchrony.clock,
+        clock=clock,
         x=start.x,
         y=start.y,
         free=("offset", "skew", "x", "y", "scale"),
@@ -106,15 +94,18 @@ def prepare(
     """A take on the reference's clock; with X, offset and Y are fitted, and nothing else.
 
     Raises:
-        EstimationError: the streams can't be synchronised.
+        EstimationError: the streams can't be synchronised, or the eye's poses are mirrored,
+            inverse, or in two frames.
         DataError: a stream is missing.
     """
-    moving, estimate, synchrony = _synchronised(columns, reference)
-    spline = PoseSpline(moving)
+    together = synchronised(columns, reference)
+    moving, spline, estimate = together.moving, together.spline, together.estimate
+    synchrony = together.clock_fit
     clock, y, sigma = measured or synchrony.clock, None, None
     if x is not None:
         free = ("y",) if measured else ("offset", "y")
-        best = fit(spline, estimate, clock=clock, x=x, free=free)
+        start = _world(spline, estimate, clock, x)
+        best = fit(spline, estimate, clock=clock, x=x, y=start, free=free)
         clock, y = best.clock, best.y
         sigma = None if measured else best.sigma("offset")
         middle = int(estimate.t[len(estimate) // 2])
@@ -136,6 +127,22 @@ def prepare(
         clock_fit=synchrony,
         offset_sigma_s=sigma,
     )
+
+
+def _world(spline: PoseSpline, estimate: Trajectory, clock: ClockMap, x: Transform) -> Transform:
+    """Where Y starts; poses that no Y brings together with the reference's are looked at closely.
+
+    Raises:
+        EstimationError: the eye's poses are mirrored, inverse, or in two frames.
+    """
+    covered, tcp = paired(spline, estimate, clock)
+    eye = estimate.pose[covered]
+    y = solve_world(tcp, eye, x)
+    distance, angle = residuals(tcp, eye, x, y)
+    extent = np.median(np.linalg.norm(eye.p - np.median(eye.p, axis=0), axis=1))
+    if np.median(angle) > UNLIKE_RAD or np.median(distance) > UNLIKE_SHARE * extent:
+        refuse_other_handedness(tcp, eye)
+    return y
 
 
 PROTOCOL = Protocol(

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from vrbench.errors import DataError
-from vrbench.geometry import Floats, Ints
+from vrbench.geometry import Floats, Ints, Transform
 from vrbench.recording.checks import imported_poses
-from vrbench.recording.importer import Imported
+from vrbench.recording.importer import AxesOptions, Imported
 from vrbench.trajectory import NS
 
 STAMP = slice(4, 12)
@@ -42,14 +41,12 @@ LAYOUTS = {
 """The message types that can be read."""
 
 
-class BagOptions(BaseModel):
+class BagOptions(AxesOptions):
     """Which poses of a bag are meant.
 
     Attributes:
         topic: the topic's full name.
     """
-
-    model_config = ConfigDict(extra="forbid")
 
     topic: str
 
@@ -71,7 +68,7 @@ class BagKind:
     fix: str
 
 
-def read_bag(path: Path, topic: str, kind: BagKind) -> Imported:
+def read_bag(path: Path, options: BagOptions, kind: BagKind) -> Imported:
     """The poses of one topic: header stamp = source and pose time, bag time = receive time.
 
     Raises:
@@ -79,6 +76,7 @@ def read_bag(path: Path, topic: str, kind: BagKind) -> Imported:
             with poses are named), a type that can't be read, no messages, several frames,
             and as `vrbench.recording.checks.imported_poses`.
     """
+    topic = options.topic
     if not path.exists():
         raise DataError("no such file", file=path)
     try:
@@ -102,10 +100,11 @@ def read_bag(path: Path, topic: str, kind: BagKind) -> Imported:
     if not stamps.any():
         stamps = received
         repairs = ("the headers carry no stamps: the bag's receive times stand in for them",)
+    pose = options.to_openxr(Transform(poses[:, :3], poses[:, 3:]))
     return imported_poses(
         stamps,
-        poses[:, :3],
-        poses[:, 3:],
+        pose.p,
+        pose.q,
         file=path,
         receive_t=received,
         row="message",

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from vrbench.geometry import CONVENTIONS, Transform
 from vrbench.streams import Samples
 
 
@@ -16,6 +17,21 @@ class NoOptions(BaseModel):
     """An importer whose format needs no telling."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class AxesOptions(NoOptions):
+    """A format that doesn't say which way its axes point.
+
+    Attributes:
+        axes: `openxr` (WebXR and ARKit too), `unity`, `unreal` or `ros`; taken as they are where
+            not given, which is right for a robot, and for a headset where y is up.
+    """
+
+    axes: Literal["openxr", "unity", "unreal", "ros"] | None = None
+
+    def to_openxr(self, pose: Transform) -> Transform:
+        """Poses of the file, in OpenXR's convention."""
+        return CONVENTIONS[self.axes or "openxr"].to_openxr(pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,6 +23,8 @@ _HEAD = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("pub
 _RECORD = struct.Struct("<BQ")
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _METADATA = 2, 3, 4, 5, 6, 12
 MAGIC = b"\x89MCAP0\r\n"
+# What ends the name of a file that is still written, or that nothing could end.
+PART = ".part"
 
 
 @dataclass(slots=True)
@@ -85,18 +87,23 @@ class Messages:
 def read_messages(path: Path, metadata: str) -> tuple[list[Messages], dict[str, str]]:
     """All messages by topic, and the metadata records of one name as one mapping.
 
+    A file called `.part` may end anywhere: its complete chunks are read.
+
     Raises:
         DataError: no such file, or not a whole MCAP file.
     """
     reading = _Reading(metadata)
+    cut = path.suffix == PART
     try:
         with path.open("rb") as file:
             whole = reading.file(file)
     except FileNotFoundError:
         raise DataError("no such take", file=path) from None
     except Exception as error:  # a damaged file can raise anything in its reader
-        raise _damaged(path, str(error) or type(error).__name__) from error
-    if not whole:
+        if not (cut and reading.begun):
+            raise _damaged(path, str(error) or type(error).__name__) from error
+        whole = False
+    if not whole and not (cut and reading.begun):
         raise _damaged(path, "it ends early")
     return [m for m in reading.by_channel.values() if len(m)], reading.facts
 
@@ -111,6 +118,7 @@ class _Reading:
     def __init__(self, metadata: str) -> None:
         self.by_channel: dict[int, Messages] = {}
         self.facts: dict[str, str] = {}
+        self.begun = False
         self._metadata = metadata
         self._unpack = Unpacking()
         self._schemas: dict[int, str] = {}
@@ -125,18 +133,23 @@ class _Reading:
 
         if file.read(len(MAGIC)) != MAGIC:
             return False
+        self.begun = True
         while len(head := file.read(_RECORD.size)) == _RECORD.size:
             kind, length = _RECORD.unpack(head)
             if kind == _FOOTER:
                 return len(file.read(length)) == length and file.read() == MAGIC
+            if kind not in (_CHUNK, _METADATA):
+                file.seek(length, SEEK_CUR)
+                continue
+            content = file.read(length)
+            if len(content) < length:
+                return False
             if kind == _CHUNK:
-                self._chunk(file.read(length))
-            elif kind == _METADATA:
-                metadata = Metadata.read(ReadDataStream(BytesIO(file.read(length))))
+                self._chunk(content)
+            else:
+                metadata = Metadata.read(ReadDataStream(BytesIO(content)))
                 if metadata.name == self._metadata:
                     self.facts |= metadata.metadata
-            else:
-                file.seek(length, SEEK_CUR)
         return False
 
     def _chunk(self, content: bytes) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
 METADATA = "vrbench"
 CHUNK_BYTES = 512 * 1024
+# A chunk is also closed when it is a second old, so that a crash costs no more.
+CHUNK_NS = 1_000_000_000
+# How often what is written is forced to the disk, against a loss of power [s].
+SYNC_S = 5.0
 # The frame that poses of a stream are given in, by the first part of its name.
 FRAMES = {"headset": "world", "robot": "base", "mocap": "mocap"}
 
@@ -33,7 +38,7 @@ class TakeWriter:
     """Writes a take; the file has its name only once it is whole.
 
     Until then it is `NAME.mcap.part`. What stands there after a crash can be read up to the last
-    complete chunk.
+    complete chunk, which is a second old at most.
 
     Args:
         path: where the take will be.
@@ -46,6 +51,8 @@ class TakeWriter:
         self._metadata = dict(metadata)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
+        self._chunk_t: int | None = None
+        self._synced = time.monotonic()
         self._file: BinaryIO
         self._writer: Writer
 
@@ -58,6 +65,7 @@ class TakeWriter:
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library=f"vrbench {__version__}")
         self._writer.add_metadata(METADATA, self._metadata)
+        self._file.flush()
         return self
 
     def __exit__(
@@ -66,12 +74,21 @@ class TakeWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        self._file.close()
+        try:
+            with self._file:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._file.flush()
+                os.fsync(self._file.fileno())
+        except OSError:
+            # a full disk: what made it end tells more, where something did
+            if kind is None:
+                raise
         if kind is None:
             self._part.replace(self.path)
+
+    def tell(self, metadata: Mapping[str, str]) -> None:
+        """Adds facts of the take that came to be known only now."""
+        self._writer.add_metadata(METADATA, dict(metadata))
 
     def write(self, columns: Columns) -> None:
         """Appends columns of any streams, in order of receive time."""
@@ -113,6 +130,19 @@ class TakeWriter:
             )
         for log_time, publish_time, channel, data in rows:
             self._writer.add_message(channel, log_time, data, publish_time)
+        if rows:
+            self._close_chunk(rows[-1][0])
+
+    def _close_chunk(self, t: int) -> None:
+        """Hands the chunk to the system where it is old enough at log time t [ns]."""
+        if self._chunk_t is None:
+            self._chunk_t = t
+        elif t - self._chunk_t >= CHUNK_NS:
+            self._chunk_t = t
+            self._writer.flush()  # type: ignore[no-untyped-call]
+            if time.monotonic() - self._synced >= SYNC_S:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
 
     def _pose_rows(self, stream: str, samples: Samples) -> list[tuple[int, int, int, bytes]]:
         if not len(samples):
@@ -151,7 +181,7 @@ class TakeWriter:
 
 
 def read_take(path: Path) -> Columns:
-    """All that a take holds.
+    """All that a take holds; of a `.part`, which may be cut short, all of its complete chunks.
 
     Raises:
         DataError: no such file, not MCAP, or cut short.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
@@ -14,6 +15,13 @@ import numpy as np
 
 from vrbench.errors import DataError
 from vrbench.geometry import Floats, Ints
+
+# 292 years, what nanoseconds say in int64.
+LATEST_NS = 2**63 - 1
+
+
+# A disk that was full leaves zeros where a line should be.
+BLANK = " \t\v\f\r\0"
 
 
 def whole_lines(path: Path, *, fix: str) -> tuple[list[str], tuple[str, ...]]:
@@ -44,6 +52,42 @@ def whole_lines(path: Path, *, fix: str) -> tuple[list[str], tuple[str, ...]]:
     return lines, (f"line {whole.count(chr(10)) + 2} left out: the file ends in the midst of it",)
 
 
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Lines of a file that say something.
+
+    Attributes:
+        text: each without its newline (n,).
+        numbers: of each in the file, counted from 1 (n,).
+        repairs: what was left out, a sentence each.
+    """
+
+    text: list[str]
+    numbers: list[int]
+    repairs: tuple[str, ...]
+
+    def __getitem__(self, part: slice) -> Lines:
+        return Lines(self.text[part], self.numbers[part], self.repairs)
+
+
+def filled_lines(path: Path, *, fix: str) -> Lines:
+    """The whole lines of a text file that aren't blank; those that are, are passed by and told.
+
+    Raises:
+        DataError: as `whole_lines`.
+    """
+    lines, repairs = whole_lines(path, fix=fix)
+    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip(BLANK)]
+    if not numbered:
+        raise DataError("is empty", file=path, fix=fix)
+    if len(numbered) < len(lines):
+        first = next(number for number, line in enumerate(lines, 1) if not line.strip(BLANK))
+        many = len(lines) - len(numbered)
+        what = f"{many} blank lines" if many > 1 else "a blank line"
+        repairs = (*repairs, f"{what} passed by (first: line {first})")
+    return Lines([line for _, line in numbered], [number for number, _ in numbered], repairs)
+
+
 def parse_columns(
     lines: Sequence[str],
     columns: Sequence[str],
@@ -51,7 +95,7 @@ def parse_columns(
     stamp: str,
     values: Sequence[str],
     file: Path,
-    first_line: int = 1,
+    numbers: Sequence[int] | None = None,
 ) -> tuple[Ints, Floats]:
     """Stamps (n,), in whole numbers and exact, and values (n, k) of n lines split by commas.
 
@@ -61,12 +105,13 @@ def parse_columns(
         stamp: the name of the column of stamps.
         values: the names of the columns of values (k,).
         file: named in errors.
-        first_line: the number of the first of the lines in the file.
+        numbers: of the lines in the file (n,); counted from 1 where not given.
 
     Raises:
         DataError: a line of more or fewer columns, a value that is no number.
     """
-    for number, line in enumerate(lines, first_line):
+    numbers = range(1, len(lines) + 1) if numbers is None else numbers
+    for number, line in zip(numbers, lines, strict=True):
         if line.count(",") != len(columns) - 1:
             raise DataError(
                 f"has {line.count(',') + 1} columns",
@@ -89,7 +134,7 @@ def parse_columns(
                 ndmin=1,
             )
     except (ValueError, DeprecationWarning) as error:
-        bad = _bad_value(lines, columns, parsers, file, first_line)
+        bad = _bad_value(lines, columns, parsers, file, numbers)
         raise bad or DataError(str(error), file=file, fix=told(columns)) from error
     return rows["stamp"], rows["values"]
 
@@ -101,8 +146,9 @@ def parse_fields(
     stamp: str,
     values: Sequence[str],
     unit_ns: int,
+    origin: int = 0,
     file: Path,
-    first_line: int = 1,
+    numbers: Sequence[int] | None = None,
 ) -> tuple[Ints, Floats]:
     """Stamps (n,) [ns] and values (n, k) of n lines that are split already.
 
@@ -115,34 +161,45 @@ def parse_fields(
         stamp: the name of the column of stamps.
         values: the names of the columns of values (k,).
         unit_ns: the unit of the stamps [ns].
+        origin: what is taken from each stamp, in its unit.
         file: named in errors.
-        first_line: the number of the first of the lines in the file.
+        numbers: of the lines in the file (n,); counted from 1 where not given.
 
     Raises:
-        DataError: a line of more or fewer columns, a value that is no number.
+        DataError: a line of more or fewer columns, a value that is no number, a stamp past what
+            nanoseconds can say.
     """
+    numbers = range(1, len(rows) + 1) if numbers is None else numbers
     at = columns.index(stamp)
     places = [columns.index(name) for name in values]
     t = np.empty(len(rows), dtype=np.int64)
     found = np.empty((len(rows), len(values)))
-    for i, row in enumerate(rows):
+    for i, (number, row) in enumerate(zip(numbers, rows, strict=True)):
         if len(row) != len(columns):
             raise DataError(
                 f"has {len(row)} columns",
                 file=file,
-                field=f"line {first_line + i}",
+                field=f"line {number}",
                 fix=told(columns),
             )
         place = at
         try:
-            t[i] = int((Decimal(row[at]) * unit_ns).to_integral_value())
+            stamp_ns = int(((Decimal(row[at]) - origin) * unit_ns).to_integral_value())
+            if abs(stamp_ns) > LATEST_NS:
+                raise DataError(
+                    f"{row[at]!r} is no time since 1970, nor since a device's start",
+                    file=file,
+                    field=f"line {number}, column {at + 1} ({stamp})",
+                    fix="another unit of time?",
+                )
+            t[i] = stamp_ns
             for k, place in enumerate(places):
                 found[i, k] = float(row[place])
         except (ArithmeticError, ValueError):
             raise DataError(
                 f"{row[place]!r} is not a number",
                 file=file,
-                field=f"line {first_line + i}, column {place + 1} ({columns[place]})",
+                field=f"line {number}, column {place + 1} ({columns[place]})",
             ) from None
     return t, found
 
@@ -157,10 +214,10 @@ def _bad_value(
     columns: Sequence[str],
     parsers: dict[int, Callable[[str], object]],
     file: Path,
-    first_line: int,
+    numbers: Sequence[int],
 ) -> DataError | None:
     """An error that names the first value that is no number."""
-    for number, line in enumerate(lines, first_line):
+    for number, line in zip(numbers, lines, strict=True):
         fields = line.split(",")
         for column, parse in parsers.items():
             try:

@@ -8,7 +8,7 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
 
@@ -24,6 +24,8 @@ RECORD = "run.json"
 # More than any run has; what others hand in isn't read beyond it.
 MAX_RECORD_BYTES = 16 << 20
 MAX_TABLE_BYTES = 256 << 20
+# While somebody records: see `vrbench.results.lock`.
+LOCK = "run.lock"
 
 
 class _Record(BaseModel):
@@ -33,11 +35,13 @@ class _Record(BaseModel):
 class DeviceRecord(_Record):
     """The headset that was measured, and how its poses were had."""
 
+    UNKNOWN: ClassVar[str] = "unknown"
+
     headset: str
-    firmware: str = "unknown"
-    logger: str = "unknown"
-    logger_version: str = "unknown"
-    prediction: str = "unknown"
+    firmware: str = UNKNOWN
+    logger: str = UNKNOWN
+    logger_version: str = UNKNOWN
+    prediction: str = UNKNOWN
 
 
 class AccuracyRecord(_Record):
@@ -56,26 +60,29 @@ class TakeRecord(_Record):
     condition: str = "default"
     mount: int
     repeat: int
-    role: Literal["calibration", "scored"]
+    role: Literal["calibration", "check", "scored"]
     motion: str
     motion_digest: str
     speed: float = 1.0
     stretch: float = 1.0
     fraction: float = 1.0
     repairs: list[str] = []
-    status: Literal["ok", "failed"] = "ok"
+    status: Literal["ok", "failed", "skipped"] = "ok"
     reason: str = ""
 
     @property
     def name(self) -> str:
-        return Path(self.file).stem
+        """What the take is called; that of one which failed stands in a `.mcap.part`."""
+        return Path(self.file).name.partition(".mcap")[0]
 
 
 class RunRecord(_Record):
     """`run.json`: what was run, with what, and what came of it."""
 
     schema_version: Literal[1] = 1
-    status: Literal["incomplete", "complete"] = "incomplete"
+    # incomplete: interrupted or crashed; failed: a device ended it. Both can be gone on with.
+    status: Literal["incomplete", "failed", "complete"] = "incomplete"
+    reason: str = ""
     kind: Literal["recorded", "simulated", "imported"]
     created: str
     suite: dict[str, Any]
@@ -86,6 +93,9 @@ class RunRecord(_Record):
     references: list[str]
     accuracy: dict[str, AccuracyRecord] = {}
     seed: int | None = None
+    # One hash over the plans that a real robot carries out, and when the run was gone on with.
+    plans: str | None = None
+    resumed: list[str] = []
     licence: str | None = None
     consent: str | None = None
     versions: dict[str, str]
@@ -122,19 +132,16 @@ class Bundle:
         """A new folder, marked incomplete, with the texts `inputs` by file name.
 
         Raises:
-            ConfigError: the folder exists, or can't be made.
+            ConfigError: something is in the folder, or it can't be made.
         """
+        require_new(folder)
         try:
-            folder.mkdir(parents=True, exist_ok=False)
-        except FileExistsError:
-            raise ConfigError(
-                "is there already", file=folder, field="-o", fix="name a folder that is not"
-            ) from None
+            folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
         bundle = cls(folder, record)
         bundle._save()
-        (folder / "takes").mkdir()
+        (folder / "takes").mkdir(exist_ok=True)
         for name, text in inputs.items():
             (folder / name).write_text(text, encoding="utf-8")
             bundle.enter(name)
@@ -177,6 +184,23 @@ class Bundle:
         Raises:
             ConfigError: no run there, an incomplete one, or one of another schema.
         """
+        bundle = cls.begun(folder)
+        status, why = bundle.record.status, bundle.record.reason
+        if status != "complete":
+            raise ConfigError(
+                f"the run is {status}: {why or 'it was interrupted'}",
+                file=folder,
+                fix="go on with it by --resume, or import it again",
+            )
+        return bundle
+
+    @classmethod
+    def begun(cls, folder: Path) -> Bundle:
+        """A run, complete or not.
+
+        Raises:
+            ConfigError: no run there, or one of another schema.
+        """
         path = inside(folder, RECORD)
         try:
             if path.stat().st_size > MAX_RECORD_BYTES:
@@ -195,22 +219,15 @@ class Bundle:
                 field="schema_version",
                 fix=f"this vrbench reads version {SCHEMA_VERSION}",
             )
-        record = validate(content, RunRecord, path)
-        if record.status != "complete":
-            raise ConfigError(
-                "the run is incomplete: it was interrupted or failed",
-                file=folder,
-                fix="record or import it again",
-            )
-        return cls(folder, record)
+        return cls(folder, validate(content, RunRecord, path))
 
     def take_path(self, name: str) -> Path:
         """Where the take of this name belongs."""
         return self.folder / "takes" / f"{name}.mcap"
 
     def add(self, take: TakeRecord) -> None:
-        """Enters a take that has been written."""
-        self.record.takes.append(take)
+        """Enters a take that has been written; it replaces an earlier one of its name."""
+        self.record.takes = [t for t in self.record.takes if t.name != take.name] + [take]
         self._save()
 
     def columns(self, take: TakeRecord) -> Columns:
@@ -239,7 +256,11 @@ class Bundle:
 
     def finish(self) -> None:
         """Marks the run complete."""
-        self.record.status = "complete"
+        self.end("complete")
+
+    def end(self, status: Literal["incomplete", "failed", "complete"], reason: str = "") -> None:
+        """Marks how the run ended."""
+        self.record.status, self.record.reason = status, reason
         self._save()
 
     def _save(self) -> None:
@@ -260,6 +281,24 @@ def inside(folder: Path, name: str) -> Path:
             "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
         )
     return path
+
+
+def require_new(folder: Path) -> None:
+    """Refuses a folder that a new run can't have.
+
+    Raises:
+        ConfigError: something is there; an empty folder, or one of a run that died before it began,
+            is as good as none.
+    """
+    if folder.exists() and not (
+        folder.is_dir() and {path.name for path in folder.iterdir()} <= {LOCK, f"{RECORD}.part"}
+    ):
+        raise ConfigError(
+            "is there already",
+            file=folder,
+            field="-o",
+            fix="name a folder that is not; --resume goes on with a run that was interrupted",
+        )
 
 
 def replace_text(path: Path, text: str) -> None:

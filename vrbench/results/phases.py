@@ -21,7 +21,8 @@ class PhaseRow:
     """The error of one take within one second of the motion.
 
     Attributes:
-        phase: the second, counted from where the reference starts to move.
+        phase: the second of the motion's own time, which runs slower and faster with its speed,
+            counted from where the reference starts to move.
         mean: mean error, in `unit`.
         mean_square: mean square error, in its square.
     """
@@ -46,7 +47,7 @@ def phase_rows(take: TakeRecord, scored: ScoredTake | None, reference: str) -> I
     """The aligned errors of a take by second; nothing for a take that has no X."""
     if scored is None or scored.x is None:
         return
-    phase = (scored.estimate.t - scored.reference.t[0]) / NS
+    phase = (scored.estimate.t - scored.reference.t[0]) / NS * (take.speed / take.stretch)
     for (metric, point), vectors in error_vectors(scored):
         bins = by_phase(phase, (vectors**2).sum(axis=1) ** 0.5)
         unit = "deg" if "rotation" in metric else "mm"

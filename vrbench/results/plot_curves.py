@@ -34,7 +34,21 @@ SPEED_CLASSES = 16
 MOST_MARKS = 300
 LOOP_BINS = 200
 # Events that tell of the recording, and not of what the headset did.
-UNSEEN = frozenset({"phase", "body", "server", "pose-time", "utc", "repair", "headset", "loop"})
+UNSEEN = frozenset(
+    {
+        "phase",
+        "body",
+        "server",
+        "pose-time",
+        "utc",
+        "repair",
+        "headset",
+        "loop",
+        "hold",
+        "opening",
+        "cue",
+    }
+)
 
 
 def take_curves(
@@ -215,7 +229,7 @@ def _marks(take: ScoredTake) -> list[Mark]:
     marks = [
         Mark(t=round((event.t - start) / NS, 3), kind=event.kind[:100])
         for event in take.columns.events
-        if event.kind not in UNSEEN and start <= event.t <= end
+        if event.kind not in UNSEEN and start <= event.t <= end and event.detail.get("at") != "end"
     ]
     epoch = take.samples.epoch.astype(np.int64)
     for k in np.flatnonzero(np.diff(epoch)):

@@ -127,7 +127,7 @@ class TakeCurves(_Strict):
     condition: str
     mount: int
     repeat: int
-    role: Literal["calibration", "scored"]
+    role: Literal["calibration", "check", "scored"]
     reference: str
     duration_s: float
     bin_s: float

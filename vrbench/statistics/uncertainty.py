@@ -16,6 +16,8 @@ from vrbench.trajectory import NS
 
 # Errors are averaged over bins this long: far below the time over which they are correlated.
 BIN_S = 0.1
+# Longer takes have longer bins, or an hour's replicates would not fit into memory.
+MOST_BINS = 10_000
 STATISTICS: tuple[Statistic, ...] = ("rmse", "mean")
 REPLICATES = 500
 # Step of X for its derivatives [rad, m]; errors are all but linear over much longer ones.
@@ -80,7 +82,8 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     for dx in STEP * np.eye(6):
         for key, there in error_vectors(replace(take, x=moved_x(take.x, dx))):
             derivatives[key].append((there - here[key]) / STEP)
-    bins = np.floor((take.estimate.t - take.estimate.t[0]) / (BIN_S * NS)).astype(np.int64)
+    bin_s = max(BIN_S, take.estimate.duration_s / MOST_BINS)
+    bins = np.floor((take.estimate.t - take.estimate.t[0]) / (bin_s * NS)).astype(np.int64)
     _, bins = np.unique(bins, return_inverse=True)
     models = {
         key: _model(error, np.stack(derivatives[key], axis=2), bins) for key, error in here.items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from types import TracebackType
 from typing import Any, Self
@@ -14,6 +15,7 @@ from vrbench.devices.simulated.answers import Answers
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
 from vrbench.geometry import (
+    Bools,
     Floats,
     Ints,
     Transform,
@@ -30,6 +32,9 @@ from vrbench.trajectory import NS
 Y_UP = Transform.of((0.0, 0.0, 0.0), (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
 # Over which accelerations are taken: more than a step of the planned motion.
 BASELINE_NS = 20_000_000
+WANDER_S = 2400.0
+# More often than this in one take it isn't lost for good and found again.
+MOST_LOST = 16
 
 
 class Options(BaseModel):
@@ -39,11 +44,17 @@ class Options(BaseModel):
 
     clock_offset_s: float | None = Field(None, description="its clock minus the host's [s]")
     clock_skew_ppm: float = Field(0.0, description="how much its clock gains [ppm]")
+    clock_wander_ppm: float = Field(
+        0.0, description="by how much that gain swings up and down, in 40 min [ppm]"
+    )
     clock_exchanges: bool = Field(
         False, description="answers pings; pose times are then on the host's clock"
     )
     mount_error_m: float = Field(0.004, ge=0.0, description="rms of X about nominal, each axis [m]")
     mount_error_rad: float = Field(0.01, ge=0.0, description="the same, rotation [rad]")
+    handling_slip_m: float = Field(
+        0.0, ge=0.0, description="rms by which hands at its cameras move it, each axis [m]"
+    )
     receive_delay_s: float = Field(0.008, ge=0.0, description="from sample to arrival [s]")
     recentre_s: tuple[float, ...] = Field(
         (), description="when the user recentres, after the start of each take [s]"
@@ -90,15 +101,22 @@ class SimulatedHeadset:
         """The app starts: a new world, upright, anywhere."""
         tracking, seed = self._tracking, self._session.seed
         self._x = self._session.mounting @ self._slip()
-        self._recentres = np.sort(np.array(self._options.recentre_s, dtype=np.float64))
-        rng = rng_of(seed, "world", take)
-        self._worlds = [_world(rng) for _ in range(len(self._recentres) + 1)]
+        self._recentres = np.zeros(0)
+        self._new_world = rng_of(seed, "world", take)
+        self._worlds = [_world(self._new_world)]
         rng = rng_of(seed, "drift", take)
         way = rng.normal(size=3)
         self._drift = way / np.linalg.norm(way) * tracking.drift_m_per_min / 60.0
         self._turn = rng.choice((-1.0, 1.0)) * tracking.drift_rad_per_min / 60.0
         self._started = self._session.host.now()
         self._next, self._told = 0, 0
+        self._asked = len(self._stage.recentred)
+        self._recentre(self._options.recentre_s)
+        self._found = len(self._stage.found_again())
+        self._relocated = rng_of(seed, "relocalisation", take).normal(
+            0.0, tracking.relocalisation_m, (MOST_LOST, 3)
+        )
+        self._relocated[0] = 0.0
         self._white = rng_of(seed, "white", take)
         self._slow_p, self._slow_r = (
             correlated(rng_of(seed, name, take), rms, tracking.correlation_s, 3)
@@ -111,6 +129,11 @@ class SimulatedHeadset:
         self._answers = None
         if self._options.clock_exchanges:
             self._answers = Answers(rng_of(seed, "answers", take), self._started, self._device_time)
+        self._tell_truth()
+
+    def _tell_truth(self) -> None:
+        """Puts on the stage what is true of this take, as far as it has come."""
+        tracking = self._tracking
         base_worlds = [as_json(world.inverse()) for world in self._worlds]
         self._stage.truth["headset"] = {
             "tcp_eye": as_json(self._x),
@@ -119,16 +142,22 @@ class SimulatedHeadset:
             "recentre_s": self._recentres.tolist(),
             "clock_offset_s": self._offset_s,
             "clock_skew_ppm": self._options.clock_skew_ppm,
+            "clock_wander_ppm": self._options.clock_wander_ppm,
             "clock_epoch_ns": self._started,
             "prediction_s": tracking.prediction_s,
             "scale_error": tracking.scale_error,
             "drift_m_per_s": self._drift.tolist(),
             "drift_yaw_rad_per_s": float(self._turn),
+            "occlusion_growth": tracking.occlusion_growth,
+            "relocated_m": self._relocated[1:].tolist(),
         }
 
     def read(self) -> Columns:
         tracking, rate = self._tracking, self._profile.rate_hz
         elapsed = (self._session.host.now() - self._started) / NS
+        asked = self._stage.recentred[self._asked :]
+        self._asked += len(asked)
+        self._recentre([(at - self._started) / NS for at in asked])
         index = np.arange(self._next, max(self._next, int(elapsed * rate)))
         self._next += len(index)
         # seven draws a sample, sample by sample: batches of any size give the same stream
@@ -137,8 +166,11 @@ class SimulatedHeadset:
         since = (index + 0.5) / rate + late
         t = self._started + np.rint(since * NS).astype(np.int64)
         epoch = np.searchsorted(self._recentres, since, side="right")
-        pose = self._erring(self._seen(t, since, epoch), since, white)
+        covered = self._stage.covered(t)
+        pose = self._erring(self._seen(t, since, epoch), since, white, covered)
         lost = self._lost(since)
+        pose, blind = self._relocalised(pose, t, covered)
+        lost |= blind
         flags = np.where(lost, GOOD & ~int(Flag.POSITION_TRACKED), GOOD).astype(np.uint32)
         stamped, clocks = self._device_time(t), {}
         pose_t = stamped
@@ -159,12 +191,36 @@ class SimulatedHeadset:
         pass
 
     def _slip(self) -> Transform:
-        """How the headset sits off its nominal place; another way in each mount."""
-        rng = rng_of(self._session.seed, "mount", str(self._stage.mount))
-        return Transform(
-            rng.normal(0.0, self._options.mount_error_m, 3),
-            rotvec_to_quat(rng.normal(0.0, self._options.mount_error_rad, 3)),
+        """How the headset sits off its nominal place; another way in each mount.
+
+        Every time that hands are at its cameras it slips a little.
+        """
+        stage, options = self._stage, self._options
+        rng = rng_of(self._session.seed, "mount", str(stage.mount))
+        sits = Transform(
+            rng.normal(0.0, options.mount_error_m, 3),
+            rotvec_to_quat(rng.normal(0.0, options.mount_error_rad, 3)),
         )
+        hands = rng_of(self._session.seed, "hands", str(stage.mount))
+        slips = hands.normal(0.0, options.handling_slip_m, (stage.handled, 3)).sum(axis=0)
+        return Transform(sits.p + slips, sits.q)
+
+    def _recentre(self, since: Sequence[float]) -> None:
+        """New worlds from these times after the start [s] on."""
+        if len(since):
+            self._recentres = np.sort(np.concatenate((self._recentres, since)))
+            self._worlds += [_world(self._new_world) for _ in since]
+            if self._told or self._next:
+                self._tell_truth()
+
+    def _relocalised(self, pose: Transform, t: Ints, covered: Floats) -> tuple[Transform, Bools]:
+        """Poses (n,) in a map that is off where it was found again, and where it isn't found."""
+        found = self._stage.found_again()
+        times = np.searchsorted(found, t, side="right")
+        ago = t - np.concatenate(([t[0] - NS * 86_400] if len(t) else [0], found))[times]
+        blind = (covered == 1.0) | (ago < self._tracking.relocalisation_s * NS)
+        off = self._relocated[np.minimum(times - self._found, MOST_LOST - 1)]
+        return Transform(pose.p + off, pose.q), blind
 
     def _seen(self, t: Ints, since: Floats, epoch: Ints) -> Transform:
         """`T_world_eye` (n,) as predicted, in worlds that drift and are too large or small."""
@@ -202,16 +258,19 @@ class SimulatedHeadset:
             quat_multiply(pose.q, rotvec_to_quat(missed * turned)),
         )
 
-    def _erring(self, pose: Transform, since: Floats, white: Floats) -> Transform:
+    def _erring(self, pose: Transform, since: Floats, white: Floats, covered: Floats) -> Transform:
         tracking = self._tracking
-        p = self._slow_p(since) + white[:, :3] * tracking.position_jitter_m
-        r = self._slow_r(since) + white[:, 3:6] * tracking.rotation_jitter_rad
+        grown = 1.0 + tracking.occlusion_growth * covered[:, None]
+        p = grown * (self._slow_p(since) + white[:, :3] * tracking.position_jitter_m)
+        r = grown * (self._slow_r(since) + white[:, 3:6] * tracking.rotation_jitter_rad)
         return Transform(pose.p + p, quat_multiply(pose.q, rotvec_to_quat(r)))
 
     def _device_time(self, t: Ints) -> Ints:
         """Its own clock (n,) [ns] at host times t (n,) [ns]."""
-        gained = self._options.clock_skew_ppm * 1e-6 * ((t - self._started) / NS)
-        return t + np.rint((self._offset_s + gained) * NS).astype(np.int64)
+        since = (t - self._started) / NS
+        swing = np.sin(np.pi * since / WANDER_S) ** 2 * WANDER_S / np.pi
+        gained = self._options.clock_skew_ppm * since + self._options.clock_wander_ppm * swing
+        return t + np.rint((self._offset_s + 1e-6 * gained) * NS).astype(np.int64)
 
     def _recentred(self, elapsed: float) -> list[Event]:
         """The recentres since the last look, at times of the host's clock."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from vrbench.geometry import Ints, Transform
+from vrbench.devices.ports import HostClock, Occlusion
+from vrbench.geometry import Floats, Ints, Transform
 from vrbench.trajectory import NS, Trajectory
 
 # Virtual time starts at a fixed instant, so that one seed gives one take, byte for byte.
@@ -26,6 +28,9 @@ class VirtualClock:
     def wait(self, seconds: float) -> None:
         self._now += round(seconds * NS)
 
+    def reading(self) -> None:
+        """Virtual time has no UTC beside it."""
+
 
 @dataclass(slots=True, eq=False)
 class Stage:
@@ -33,26 +38,58 @@ class Stage:
 
     Attributes:
         mount: the n-th fixing of the headset, from 1.
+        handled: how often hands have been at the headset in this mount.
         truth: what is true of the current take, by device, in JSON's types.
+        recentred: when the headset was given a new origin, host clock [ns].
     """
 
     mount: int = 1
+    handled: int = 0
     truth: dict[str, dict[str, Any]] = field(default_factory=dict)
-    _paths: list[Trajectory] = field(default_factory=list)
+    recentred: list[int] = field(default_factory=list)
+    _paths: list[tuple[Trajectory, Trajectory]] = field(default_factory=list)
+    _covered: list[tuple[int, float]] = field(default_factory=list)
 
-    def move(self, path: Trajectory) -> None:
-        """The flange will follow `path`, `T_base_tcp` on the host clock, and rest after it."""
-        self._paths.append(path)
+    def move(self, path: Trajectory, felt: Trajectory | None = None) -> None:
+        """The flange will follow `path`, `T_base_tcp` on the host clock, and rest after it.
+
+        Where the robot's encoders feel something else, as they do where the mount vibrates, that is
+        `felt`, at the same times.
+        """
+        self._paths.append((path, felt or path))
 
     def tcp(self, t: Ints) -> Transform:
         """Where the flange truly is, `T_base_tcp` (m,), at host times t (m,) [ns]."""
+        return self._at(t, 0)
+
+    def encoders(self, t: Ints) -> Transform:
+        """Where the robot's encoders feel the flange, `T_base_tcp` (m,)."""
+        return self._at(t, 1)
+
+    def cover(self, t: int, share: float) -> None:
+        """From t [ns] on, this share of the headset's cameras is covered."""
+        self._covered.append((t, share))
+
+    def covered(self, t: Ints) -> Floats:
+        """The share of the headset's cameras that is covered (m,) at host times t (m,) [ns]."""
+        since = np.array([0, *(at for at, _ in self._covered)])
+        shares = np.array([0.0, *(share for _, share in self._covered)])
+        found: Floats = shares[np.searchsorted(since, t, side="right") - 1]
+        return found
+
+    def found_again(self) -> Ints:
+        """When cameras saw again after all had been covered (k,) [ns]."""
+        steps = pairwise([(0, 0.0), *self._covered])
+        return np.array([at for (_, a), (at, b) in steps if a == 1.0 != b], dtype=np.int64)
+
+    def _at(self, t: Ints, which: int) -> Transform:
         if not self._paths:
             raise ValueError("nothing has placed the flange yet")
-        starts = np.array([path.t[0] for path in self._paths])
+        starts = np.array([path.t[0] for path, _ in self._paths])
         of = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
         p, q = np.empty((len(t), 3)), np.empty((len(t), 4))
         for index in np.unique(of):
-            path, where = self._paths[index], of == index
+            path, where = self._paths[index][which], of == index
             pose = path.at(np.clip(t[where], path.t[0], path.t[-1]))
             p[where], q[where] = pose.p, pose.q
         return Transform(p, q)
@@ -61,11 +98,18 @@ class Stage:
 class SimulatedOperator:
     """Does on the stage what a person is asked to do in a lab."""
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+    def __init__(self, stage: Stage, host: HostClock) -> None:
+        self._stage, self._host = stage, host
 
     def remount(self, mount: int) -> None:
-        self._stage.mount = mount
+        self._stage.mount, self._stage.handled = mount, 0
+
+    def cover(self, occlusion: Occlusion) -> None:
+        self._stage.handled += 1
+        self._stage.cover(self._host.now(), occlusion.share)
+
+    def recentre(self) -> None:
+        self._stage.recentred.append(self._host.now())
 
 
 def as_json(pose: Transform) -> dict[str, list[float]]:

@@ -12,12 +12,15 @@ from vrbench.errors import DataError
 from vrbench.geometry import Axes, Transform
 from vrbench.recording.checks import imported_poses
 from vrbench.recording.importer import Imported, Importer
-from vrbench.recording.text_table import parse_fields, told, whole_lines
+from vrbench.recording.text_table import filled_lines, parse_fields, told
+from vrbench.trajectory import NS
 
 Column = str | int
 DELIMITERS = {",": ",", ";": ";", "tab": "\t", "space": None}
 LENGTHS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-TIMES_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ticks": 100, "ns": 1}
+TIMES_NS = {"s": NS, "ms": 1_000_000, "us": 1_000, "ticks": 100, "utc-ticks": 100, "ns": 1}
+# .NET's DateTime counts from the year 1.
+ORIGINS = {"utc-ticks": 621_355_968_000_000_000}
 # Forward, where it isn't given: as OpenXR, Unity, ROS and Unreal have it.
 FORWARD = {("y", "right"): "-z", ("y", "left"): "z", ("z", "right"): "x", ("z", "left"): "x"}
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -33,14 +36,15 @@ class CsvOptions(BaseModel):
         position: the three columns of x, y, z.
         quaternion: the four columns of the rotation, in `quaternion_order`.
         quaternion_order: `xyzw` or `wxyz`.
-        time_unit: `s`, `ms`, `us`, `ns`, or `ticks` of 100 ns.
+        time_unit: `s`, `ms`, `us`, `ns`, `ticks` of 100 ns, or `utc-ticks`: those since the year 1,
+            as Unity's and .NET's `DateTime.UtcNow.Ticks`.
         position_unit: `m`, `cm`, `mm`.
         handedness: `right` or `left`.
         up: the axis against gravity.
         forward: the axis of sight; OpenXR's, Unity's, ROS's or Unreal's where not given.
         delimiter: `,`, `;`, `tab`, or `space` for any run of blanks.
         decimal: the decimal sign.
-        skip: lines at the top to pass by, besides those that start with `#`.
+        skip: lines at the top to pass by, besides blank ones and those that start with `#`.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -49,7 +53,7 @@ class CsvOptions(BaseModel):
     position: tuple[Column, Column, Column]
     quaternion: tuple[Column, Column, Column, Column]
     quaternion_order: Literal["xyzw", "wxyz"] = "xyzw"
-    time_unit: Literal["s", "ms", "us", "ns", "ticks"] = "s"
+    time_unit: Literal["s", "ms", "us", "ns", "ticks", "utc-ticks"] = "s"
     position_unit: Literal["m", "cm", "mm"] = "m"
     handedness: Literal["right", "left"] = "right"
     up: Axis = "y"
@@ -93,19 +97,20 @@ def read(path: Path, options: CsvOptions) -> Imported:
             fewer columns, a value that is no number, and as
             `vrbench.recording.checks.imported_poses`.
     """
-    lines, repairs = whole_lines(path, fix="lines of numbers, a pose each")
-    first = options.skip
-    while first < len(lines) and lines[first].startswith("#"):
-        first += 1
+    lines = filled_lines(path, fix="lines of numbers, a pose each")
     delimiter = DELIMITERS[options.delimiter]
-    rows = [[field.strip() for field in line.split(delimiter)] for line in lines[first:]]
+    rows, numbers = [], []
+    for number, line in zip(lines.numbers, lines.text, strict=True):
+        if number > options.skip and not line.startswith("#"):
+            rows.append([field.strip().strip('"') for field in line.split(delimiter)])
+            numbers.append(number)
     named = isinstance(options.time, str)
     if len(rows) <= named:
         raise DataError("holds no poses", file=path, fix="lines of numbers, a pose each")
     names = [str(number) for number in range(1, len(rows[0]) + 1)]
     if named:
-        names = [name.strip('"') for name in rows.pop(0)]
-        first += 1
+        names = rows.pop(0)
+        numbers.pop(0)
     if options.decimal == ",":
         rows = [[field.replace(",", ".") for field in row] for row in rows]
     wanted = [_found(str(column), names, path) for column in options.columns]
@@ -115,12 +120,13 @@ def read(path: Path, options: CsvOptions) -> Imported:
         stamp=wanted[0],
         values=wanted[1:],
         unit_ns=TIMES_NS[options.time_unit],
+        origin=ORIGINS.get(options.time_unit, 0),
         file=path,
-        first_line=first + 1,
+        numbers=numbers,
     )
     turn = [3, 4, 5, 6] if options.quaternion_order == "xyzw" else [4, 5, 6, 3]
     pose = options.axes.to_openxr(Transform(values[:, :3], values[:, turn]))
-    return imported_poses(t, pose.p, pose.q, file=path, repairs=repairs)
+    return imported_poses(t, pose.p, pose.q, file=path, repairs=lines.repairs)
 
 
 def _found(column: str, names: Sequence[str], path: Path) -> str:

@@ -26,7 +26,7 @@ KIND = BagKind(
 
 def read(path: Path, options: BagOptions) -> Imported:
     """The poses of one topic of a bag; see `vrbench.recording.bags.read_bag`."""
-    return read_bag(path, options.topic, KIND)
+    return read_bag(path, options, KIND)
 
 
 IMPORTER = Importer(

@@ -7,16 +7,17 @@ from os import SEEK_END
 from pathlib import Path
 
 from vrbench.errors import DataError
+from vrbench.geometry import Transform
 from vrbench.recording.checks import imported_poses
-from vrbench.recording.importer import Imported, Importer, NoOptions
-from vrbench.recording.text_table import parse_fields, whole_lines
+from vrbench.recording.importer import AxesOptions, Imported, Importer
+from vrbench.recording.text_table import filled_lines, parse_fields
 from vrbench.trajectory import NS, tum_columns
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 FIX = "each row is `t x y z qx qy qz qw`"
 
 
-def read(path: Path, _options: NoOptions) -> Imported:
+def read(path: Path, options: AxesOptions) -> Imported:
     """The poses of a TUM file (s, m); receive time is the stamp.
 
     A last row without its newline may lack digits: it is left out, and that is told.
@@ -27,15 +28,27 @@ def read(path: Path, _options: NoOptions) -> Imported:
     """
     if _is_plain(path):
         t, p, q = tum_columns(path)
-        return imported_poses(t, p, q, file=path)
-    lines, repairs = whole_lines(path, fix=FIX)
-    rows = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+        pose = options.to_openxr(Transform(p, q))
+        return imported_poses(t, pose.p, pose.q, file=path)
+    lines = filled_lines(path, fix=FIX)
+    rows = [
+        (number, line.split())
+        for number, line in zip(lines.numbers, lines.text, strict=True)
+        if not line.lstrip().startswith("#")
+    ]
     if not rows:
         raise DataError("holds no poses", file=path, fix=FIX)
     t, values = parse_fields(
-        rows, COLUMNS, stamp="t", values=COLUMNS[1:], unit_ns=NS, file=path, first_line=1
+        [row for _, row in rows],
+        COLUMNS,
+        stamp="t",
+        values=COLUMNS[1:],
+        unit_ns=NS,
+        file=path,
+        numbers=[number for number, _ in rows],
     )
-    return imported_poses(t, values[:, :3], values[:, 3:], file=path, repairs=repairs)
+    pose = options.to_openxr(Transform(values[:, :3], values[:, 3:]))
+    return imported_poses(t, pose.p, pose.q, file=path, repairs=lines.repairs)
 
 
 def _is_plain(path: Path) -> bool:
@@ -49,4 +62,9 @@ def _is_plain(path: Path) -> bool:
         return True
 
 
-IMPORTER = Importer(name="tum", title="TUM text: t x y z qx qy qz qw (s, m)", read=read)
+IMPORTER = Importer(
+    name="tum",
+    title="TUM text: t x y z qx qy qz qw (s, m)",
+    read=read,
+    options=AxesOptions,
+)

@@ -256,7 +256,7 @@ class Chart {
         ...(panel.bands || []).flatMap((s) => [s.lo, s.hi]),
         ...(panel.dots || []).map((s) => s.y),
       ];
-      const y = axis(panel.y, ys, null, bottom, top, each < 150 ? 3 : 5);
+      const y = axis(panel.y, ys, null, bottom, top, each < 150 ? 4 : 5);
       this.frame(x, y, left, right, top, bottom, panel.label, k === spec.panels.length - 1, small);
       const plot = node("g", { "clip-path": `url(#${clip})` }, this.svg);
       for (const [a, b] of spec.gaps || []) {

@@ -133,6 +133,21 @@ def test_a_recentre_counts_from_the_time_that_the_runtime_tells(fake):
     assert events_of(columns, "recentre") == [{"epoch": 1}]
 
 
+def test_a_recentre_without_notice_leaves_no_pose_in_the_old_epoch(fake):
+    found = []
+
+    def on_pose(located):
+        if len(found) == 5:  # from the next pose on, in the new space
+            fake.recentre(located.xr_time + 1)
+        found.append(located.epoch)
+
+    with Sampler(
+        Runtime(), rate_hz=500, ahead_s=0.0, on_pose=on_pose, on_event=lambda kind, detail: None
+    ):
+        wait_for(lambda: len(found) >= 12)
+    assert found[:12] == [0] * 6 + [1] * 6
+
+
 @pytest.mark.parametrize("flags", [0, 5, 7, 10])
 def test_poses_that_are_not_tracked_are_no_good_ones(fake, flags):
     fake.flags = flags
@@ -298,6 +313,46 @@ def test_a_break_of_the_connection_loses_no_pose(fake, recorder, relay, monkeypa
     samples = columns.poses["headset/eye"]
     assert samples.good.all()
     assert not [x for x in events_of(columns, "gap") if x["kind"] == "sequence"]
+
+
+def test_a_recorder_that_falls_silent_is_left_and_found_again(fake, monkeypatch):
+    from websockets.sync.server import serve
+
+    monkeypatch.setattr("vrbench_openxr.relay.SILENT_S", 0.3)
+    monkeypatch.setattr("vrbench_openxr.relay.RETRY_S", 0.05)
+    said, over = [], threading.Event()
+    with serve(lambda socket: over.wait(20), "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.socket.getsockname()[1]}/token/"
+        made = Relay(url, None, said.append, 200.0)
+        with Sampler(
+            Runtime(), rate_hz=50, ahead_s=0.0, on_pose=made.on_pose, on_event=made.on_event
+        ) as sampler:
+            thread = threading.Thread(target=made.run, args=(sampler, lambda: not over.is_set()))
+            thread.start()
+            wait_for(lambda: said.count("connected") == 2)
+            over.set()
+            thread.join()
+        server.shutdown()
+    assert said[:3] == ["connected", "the recorder is silent", "connected"]
+
+
+def test_what_is_held_when_the_session_ends_waits_for_the_recorder(
+    fake, recorder, relay, monkeypatch
+):
+    monkeypatch.setattr("vrbench_openxr.relay.RETRY_S", 0.3)
+    recorder.start("take")
+    time.sleep(0.2)
+    loop, connection = recorder.server._loop, recorder.server._connection
+    loop.call_soon_threadsafe(connection.transport.abort)
+    wait_for(lambda: not recorder.server.connected)
+    fake.state("STOPPING")
+    wait_for(lambda: relay.said.count("connected") == 2)
+    wait_for(lambda: not relay._holds())
+    recorder.stop()
+    columns = recorder.read()
+    assert events_of(columns, "session-end") == [{"why": "stopping"}]
+    assert columns.poses["headset/eye"].good.all()
 
 
 def test_what_is_held_for_too_long_is_given_up_and_counted(fake, recorder, monkeypatch):

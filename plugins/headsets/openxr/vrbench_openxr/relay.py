@@ -33,6 +33,8 @@ MAX_ROWS = 4096
 HELD = 60_000
 STATE_S = 1.0
 RETRY_S = 1.0
+# The recorder asks ten times a second; where it stays silent for so long, the connection is gone.
+SILENT_S = 3.0
 ROW = struct.Struct(f"<{COLUMNS}d")
 HEADER = struct.Struct("<4d")
 NAN = float("nan")
@@ -86,13 +88,15 @@ class Relay:
     def run(self, sampler: Sampler, going_on: Callable[[], bool]) -> None:
         """Talks with the recorder while the session goes on, and comes back after a break.
 
+        Where the session ends while the recorder is away, what is held is kept for it.
+
         Raises:
             DeviceError: the recorder refuses.
         """
         from websockets.exceptions import ConnectionClosed, InvalidHandshake
         from websockets.sync.client import connect
 
-        while going_on() and sampler.running:
+        while going_on() and (sampler.running or self._holds()):
             try:
                 with connect(
                     self._url, ssl=self._tls, compression=None, proxy=None, open_timeout=5
@@ -120,15 +124,19 @@ class Relay:
         hello = {"protocol": PROTOCOL, "page": self._page, "origin_ms": self._origin_ms}
         told = {"client": "openxr relay", "agent": agent[:500], "isolated": True, "webxr": True}
         socket.send(json.dumps({"type": "hello", **hello, **told}))
-        stated = 0.0
+        stated, heard = 0.0, time.monotonic()
         while going_on():
+            if time.monotonic() - heard > SILENT_S:
+                self._say("the recorder is silent")
+                return
             if time.monotonic() - stated > STATE_S:
                 stated = time.monotonic()
                 socket.send(json.dumps(self._state(sampler)))
             with contextlib.suppress(TimeoutError):
                 text = socket.recv(timeout=0.1)
+                heard = time.monotonic()
                 self._answer(socket, json.loads(text), now_ns() / 1e6)
-            if not sampler.running and not self._events and not self._held:
+            if not sampler.running and not self._holds():
                 return
 
     def _answer(self, socket: Any, said: dict[str, Any], received_ms: float) -> None:
@@ -146,6 +154,10 @@ class Relay:
                 socket.send(message)
             times = {"received_ms": received_ms, "sent_ms": now_ns() / 1e6}
             socket.send(json.dumps({"type": "pong", "id": said["id"], **times}))
+
+    def _holds(self) -> bool:
+        """Whether there is something that the recorder hasn't got yet."""
+        return bool(self._events or self._held)
 
     def _acknowledge(self, next_frame: int | None, last_event: int) -> None:
         while next_frame is not None and self._first < next_frame and self._held:

@@ -14,9 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
 from vrbench.errors import DeviceError
-from vrbench.geometry import Transform, quat_normalize
-from vrbench.streams import Columns, Event, Flag, Samples
-from vrbench.trajectory import QUATERNION_TOLERANCE
+from vrbench.streams import Columns, Event, Samples, believed
 from vrbench_openxr.runtime import Located, Runtime, now_ns
 from vrbench_openxr.sampler import Sampler
 
@@ -124,23 +122,12 @@ class OpenXRHeadset:
 def samples_of(poses: list[tuple[Located, int]], ahead_ns: int) -> Samples:
     """Located poses with their times of receipt, as columns; what is no pose is no good one."""
     found = np.array([x.pose for x, _ in poses])
-    p, q = found[:, :3], found[:, 3:]
-    flags = np.array([x.flags for x, _ in poses], dtype=np.uint32)
-    places = np.asarray(np.isfinite(p).all(axis=1))
-    with np.errstate(over="ignore", invalid="ignore"):
-        turns = np.asarray(np.abs(np.linalg.norm(q, axis=1) - 1.0) < QUATERNION_TOLERANCE)
-    position = Flag.POSITION_VALID | Flag.POSITION_TRACKED
-    orientation = Flag.ORIENTATION_VALID | Flag.ORIENTATION_TRACKED
-    flags &= np.where(places, 15, 15 & ~int(position)).astype(np.uint32)
-    flags &= np.where(turns, 15, 15 & ~int(orientation)).astype(np.uint32)
+    pose, flags = believed(found[:, :3], found[:, 3:], [x.flags for x, _ in poses])
     return Samples(
         source_t=np.array([x.xr_time for x, _ in poses], dtype=np.int64),
         pose_t=np.array([x.time_ns for x, _ in poses], dtype=np.int64) + ahead_ns,
         receive_t=np.array([t for _, t in poses], dtype=np.int64),
-        pose=Transform(
-            np.where(places[:, None], p, 0.0),
-            quat_normalize(np.where(turns[:, None], q, [0.0, 0.0, 0.0, 1.0])),
-        ),
+        pose=pose,
         flags=flags,
         epoch=np.array([x.epoch for x, _ in poses], dtype=np.uint32),
     )

@@ -8,6 +8,7 @@ system's: it is always converted, by `XR_KHR_convert_timespec_time` (Linux, CLOC
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -53,6 +54,8 @@ def load() -> Any:
     Raises:
         DeviceError: it isn't installed, or this system has no OpenXR.
     """
+    # what the loader prints is in the errors as well
+    os.environ.setdefault("XR_LOADER_DEBUG", "none")
     try:
         import xr
     except (ImportError, NotImplementedError, OSError) as error:

@@ -12,8 +12,6 @@ from typing import Any, Self
 from vrbench.errors import DeviceError
 from vrbench_openxr.runtime import Located, Runtime
 
-POLL_S = 0.05
-
 
 class Sampler:
     """Runs while it is entered; what it finds goes to the two functions, from its thread.
@@ -82,13 +80,12 @@ class Sampler:
                 self._on_event("session-end", {"why": what[:200]})
 
     def _sample(self) -> None:
-        due = polled = time.perf_counter()
+        due = time.perf_counter()
         while not self._stop.is_set():
             now = time.perf_counter()
-            if now - polled >= POLL_S:
-                polled = now
-                for kind, detail in self.runtime.events():
-                    self._on_event(kind, detail)
+            # before each pose: a recentre may come without notice, and starts an epoch
+            for kind, detail in self.runtime.events():
+                self._on_event(kind, detail)
             if self.runtime.running:
                 self._on_pose(self.runtime.locate(self._ahead_ns))
             # after a pause, go on from now: what was missed can't be asked for any more

@@ -3,6 +3,7 @@
 import os
 import secrets
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -21,6 +22,7 @@ from vrbench.errors import DeviceError
 from vrbench.geometry import Transform, unity_to_openxr
 
 TOKEN = "0123456789abcdef"
+PAST_ALL_TIMES = wire.PONG_BODY.pack(1, 2**63 - 1, 2**63 - 1)
 
 
 def session():
@@ -172,6 +174,19 @@ def test_a_clock_that_jumps_is_told(route, logger):
         (wire.pack(wire.HELLO, bytes.fromhex(TOKEN), b"[" * 1300), "no JSON"),
         (wire.pack(wire.PONG, bytes.fromhex(TOKEN), b"12"), "a datagram of 2 bytes"),
         (wire.pack(99, bytes.fromhex(TOKEN)), "a datagram of kind 99"),
+        (wire.pack(wire.PONG, bytes.fromhex(TOKEN), PAST_ALL_TIMES), "a time of 92233720368547"),
+        (
+            wire.pack(wire.EVENT, bytes.fromhex(TOKEN), wire.EVENT_BODY.pack(9, -(2**63))),
+            "a time of -92233720368547",
+        ),
+        (
+            wire.pack(wire.HELLO, bytes.fromhex(TOKEN), b'{"run": "a", "x": NaN}'),
+            "a greeting that is no JSON",
+        ),
+        (
+            wire.pack(wire.HELLO, bytes.fromhex(TOKEN), b'{"run": "\\ud800"}'),
+            "a greeting that is no JSON",
+        ),
     ],
     ids=lambda x: str(x)[:24],
 )
@@ -193,6 +208,7 @@ def test_datagrams_of_another_shape_are_told_and_do_no_harm(route, logger, data,
         wire.BATCH.pack(0, 0),
         wire.BATCH.pack(0, 3) + b"x" * 68,
         wire.BATCH.pack(0, 1) + b"\xff" * wire.POSE.itemsize,
+        wire.BATCH.pack(0, 1) + struct.pack("<q", -(2**63)) + bytes(wire.POSE.itemsize - 8),
     ],
 )
 def test_poses_of_another_shape_are_refused(body):

@@ -167,11 +167,18 @@ def test_a_line_of_another_number_of_columns_is_named(read, columns):
         read(text(lines))
 
 
-def test_a_blank_line_in_between_is_named(read):
+@pytest.mark.parametrize("blank", ["", "   ", "\r"])
+def test_a_blank_line_in_between_is_passed_by_and_told(read, blank):
     lines = log()
-    lines[6] = ""
-    with pytest.raises(DataError, match="line 7: has 1 columns"):
-        read(text(lines))
+    imported = read(text([*lines[:6], blank, *lines[6:]]))
+    assert len(imported.samples) == N
+    assert imported.repairs == ("a blank line passed by (first: line 7)",)
+
+
+def test_lines_after_a_blank_one_are_counted_as_an_editor_does(read):
+    lines = log()
+    with pytest.raises(DataError, match="line 9: has 1 columns"):
+        read(text([*lines[:6], "", *lines[6:7], "oops"]))
 
 
 @pytest.mark.parametrize(

@@ -177,6 +177,7 @@ class Receiver:
             self._poses(datagram.body, now)
         elif datagram.kind == wire.PONG:
             number, received, sent = _unpack(wire.PONG_BODY, datagram.body)
+            wire.check_times(received, sent)
             asked = self._pings.pop(number, None)
             if asked is not None:
                 self._link.on_answer(asked, received / 1e6, sent / 1e6, now)
@@ -184,6 +185,7 @@ class Receiver:
             self._done.add(_unpack(wire.COMMAND, datagram.body)[0])
         elif datagram.kind == wire.EVENT:
             number, at = _unpack(wire.EVENT_BODY, datagram.body)
+            wire.check_times(at)
             text = datagram.body[wire.EVENT_BODY.size :].decode(errors="replace")
             kind, _, detail = text.partition(" ")
             self._link.on_event(number, kind[:40] or "note", at / 1e6, {"detail": detail}, now)

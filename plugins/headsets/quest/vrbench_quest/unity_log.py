@@ -15,7 +15,7 @@ from vrbench.errors import DataError
 from vrbench.geometry import Transform, unity_to_openxr
 from vrbench.recording.checks import imported_poses
 from vrbench.recording.importer import Imported, Importer, NoOptions
-from vrbench.recording.text_table import parse_columns, told, whole_lines
+from vrbench.recording.text_table import Lines, filled_lines, parse_columns, told
 
 TIME = ("local_ticks", "utc_ticks", "year", "month", "day", "hour", "minute", "second", "ms")
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -40,29 +40,33 @@ def read(path: Path, _options: NoOptions) -> Imported:
             no number, a second column that isn't UTC ticks, and as
             `vrbench.recording.checks.imported_poses`.
     """
-    lines, repairs = whole_lines(path, fix=told(COLUMNS))
-    lines, more = _with_decimal_points(lines, path)
-    ticks, pose = parse_columns(lines, COLUMNS, stamp="utc_ticks", values=POSE, file=path)
-    _check_calendar(lines[0], path)
+    lines = filled_lines(path, fix=told(COLUMNS))
+    rows, more = _with_decimal_points(lines, path)
+    ticks, pose = parse_columns(
+        rows, COLUMNS, stamp="utc_ticks", values=POSE, file=path, numbers=lines.numbers
+    )
+    _check_calendar(rows[0], lines.numbers[0], path)
     eye = unity_to_openxr(Transform(pose[:, :3], pose[:, 3:]))
     t = (ticks - TICKS_AT_1970) * TICK_NS
-    return imported_poses(t, eye.p, eye.q, file=path, row="line", repairs=(*repairs, *more))
+    row = "line" if lines.numbers[-1] == len(rows) else "pose"
+    return imported_poses(t, eye.p, eye.q, file=path, row=row, repairs=(*lines.repairs, *more))
 
 
-def _with_decimal_points(lines: list[str], path: Path) -> tuple[list[str], tuple[str, ...]]:
-    """The lines as written on a headset whose language has a decimal point, and what was changed.
+def _with_decimal_points(lines: Lines, path: Path) -> tuple[list[str], tuple[str, ...]]:
+    """Their text as written on a headset whose language has a decimal point, and what was changed.
 
     With a decimal comma a number takes two of the columns: seven numbers, 23 columns. A frame
     whose numbers are all whole (the first ones may be) has 16 in any language.
     """
-    if ";" in lines[0]:
-        return [line.replace(",", ".").replace(";", ",") for line in lines], (SEMICOLONS,)
+    text = lines.text
+    if ";" in text[0]:
+        return [line.replace(",", ".").replace(";", ",") for line in text], (SEMICOLONS,)
     plain, merged = len(COLUMNS) - 1, len(COLUMNS) - 1 + len(POSE)
-    counts = [line.count(",") for line in lines]
-    if merged not in counts or any("." in line for line in lines):
-        return lines, ()
+    counts = [line.count(",") for line in text]
+    if merged not in counts or any("." in line for line in text):
+        return text, ()
     mended = []
-    for number, (line, count) in enumerate(zip(lines, counts, strict=True), 1):
+    for number, line, count in zip(lines.numbers, text, counts, strict=True):
         if count not in (plain, merged):
             raise DataError(
                 f"has {count + 1} columns: its decimal commas can't be told from its separators",
@@ -77,7 +81,7 @@ def _with_decimal_points(lines: list[str], path: Path) -> tuple[list[str], tuple
     return mended, (DECIMAL_COMMAS,)
 
 
-def _check_calendar(line: str, path: Path) -> None:
+def _check_calendar(line: str, number: int, path: Path) -> None:
     """Refuses a log whose second column isn't the time that its calendar columns tell."""
     fields = line.split(",")
     ticks = int(fields[1])
@@ -93,7 +97,7 @@ def _check_calendar(line: str, path: Path) -> None:
     raise DataError(
         f"{ticks} is not the time {' '.join(fields[2:9])} in ticks",
         file=path,
-        field="line 1, column 2 (utc_ticks)",
+        field=f"line {number}, column 2 (utc_ticks)",
         fix="100 ns since 0001-01-01, UTC; is this the paper's Unity log?",
     )
 

@@ -17,12 +17,14 @@ from pydantic import BaseModel, ConfigDict
 
 from vrbench.errors import DataError
 from vrbench.geometry import UNITY, Floats, Ints, Transform, continuous_signs
-from vrbench.recording.checks import checked_poses, increasing
+from vrbench.recording.checks import increasing
 from vrbench.recording.importer import Imported, Importer
-from vrbench.recording.text_table import parse_fields, told, whole_lines
-from vrbench.streams import GOOD, Flag, Samples
+from vrbench.recording.text_table import Lines, filled_lines, parse_fields, told
+from vrbench.streams import GOOD, Samples, believed
 
-FIRST = "# vrbench-log 1"
+KIND = "# vrbench-log "
+VERSION = "1"
+FIRST = KIND + VERSION
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 COLUMNS = (
     *("time_ns", "frame", "moment"),
@@ -30,7 +32,6 @@ COLUMNS = (
     *("vx", "vy", "vz", "wx", "wy", "wz"),
     *("flags", "present", "epoch"),
 )
-VALID = Flag.ORIENTATION_VALID | Flag.POSITION_VALID
 ORIGIN = "utc_origin_ns"
 
 
@@ -56,17 +57,10 @@ def read(path: Path, options: LogOptions) -> Imported:
         DataError: no such file, another kind of log, a line with more or fewer columns, a value
             that is no number, no sample of the moment, and as in `vrbench.recording.checks`.
     """
-    lines, repairs = whole_lines(path, fix=f"the first line is `{FIRST}`")
-    if lines[0].strip() != FIRST:
-        raise DataError(
-            "is not a log of vrbench's Unity logger", file=path, fix=f"it starts with `{FIRST}`"
-        )
+    lines = _lines(path)
     origin = _origin(lines, path)
-    numbered = [(n, line) for n, line in enumerate(lines, 1) if line and not line.startswith("#")]
-    if not numbered or tuple(numbered[0][1].split(",")) != COLUMNS:
-        raise DataError("has other columns", file=path, fix=told(COLUMNS))
     rows, numbers = [], []
-    for number, line in numbered[1:]:
+    for number, line in _below_names(lines, path):
         fields = line.split(",")
         if len(fields) != len(COLUMNS):
             raise DataError(
@@ -77,26 +71,66 @@ def read(path: Path, options: LogOptions) -> Imported:
             numbers.append(number)
     if not rows:
         raise DataError(f"holds no samples of the moment {options.moment}", file=path)
-    t, values = _parsed(rows, numbers, path)
-    samples = _samples(t, values, origin, path)
+    wanted = (*POSE, "flags", "epoch")
+    t, values = parse_fields(
+        rows, COLUMNS, stamp="time_ns", values=wanted, unit_ns=1, file=path, numbers=numbers
+    )
+    samples, told_good = _samples(t, values, origin, path)
+    repairs = lines.repairs
     if len(samples) < len(t):
         dropped = len(t) - len(samples)
         repairs = (*repairs, f"{dropped} samples dropped, whose stamps repeat or go back")
-    bad = int(np.sum(~samples.good))
-    if bad:
-        repairs = (*repairs, f"{bad} samples are not tracked, as the headset says")
+    lost, wrong = len(samples) - told_good, told_good - int(samples.good.sum())
+    if lost:
+        repairs = (*repairs, f"{lost} samples are not tracked, as the headset says")
+    if wrong:
+        repairs = (*repairs, f"{wrong} samples called tracked are no poses, and not taken as such")
     return Imported(samples, repairs)
 
 
 def facts_of(path: Path) -> dict[str, str]:
     """What the header says of device and app, text by name."""
-    lines, _ = whole_lines(path, fix=f"the first line is `{FIRST}`")
-    return _facts(lines)
+    return _facts(_lines(path))
 
 
-def _facts(lines: list[str]) -> dict[str, str]:
+def _lines(path: Path) -> Lines:
+    lines = filled_lines(path, fix=f"the first line is `{FIRST}`")
+    first = lines.text[0].strip()
+    if first.startswith(KIND) and first != FIRST:
+        raise DataError(
+            f"is a log of version {first.removeprefix(KIND)}",
+            file=path,
+            fix=f"version {VERSION} is read: update vrbench-quest, or the logger",
+        )
+    if first != FIRST:
+        raise DataError(
+            "is not a log of vrbench's Unity logger", file=path, fix=f"it starts with `{FIRST}`"
+        )
+    return lines
+
+
+def _below_names(lines: Lines, path: Path) -> list[tuple[int, str]]:
+    """The lines of samples, with their numbers: those below the names of the columns."""
+    numbered = [
+        (number, line)
+        for number, line in zip(lines.numbers, lines.text, strict=True)
+        if not line.startswith("#")
+    ]
+    names = tuple(numbered[0][1].split(",")) if numbered else ()
+    if names != COLUMNS:
+        others = [x for x in names if x not in COLUMNS] or [x for x in COLUMNS if x not in names]
+        raise DataError(
+            f"has other columns: {', '.join(others) or 'in another order'}",
+            file=path,
+            field=f"line {numbered[0][0]}" if numbered else "",
+            fix=told(COLUMNS),
+        )
+    return numbered[1:]
+
+
+def _facts(lines: Lines) -> dict[str, str]:
     facts = {}
-    for line in lines[1:]:
+    for line in lines.text[1:]:
         if not line.startswith("#"):
             break
         key, colon, value = line[1:].partition(":")
@@ -105,7 +139,7 @@ def _facts(lines: list[str]) -> dict[str, str]:
     return facts
 
 
-def _origin(lines: list[str], path: Path) -> int:
+def _origin(lines: Lines, path: Path) -> int:
     """UTC [ns] where the monotonic clock is 0."""
     text = _facts(lines).get(ORIGIN, "")
     if not text.lstrip("-").isdigit() or abs(int(text)) > 2**62:
@@ -115,20 +149,8 @@ def _origin(lines: list[str], path: Path) -> int:
     return int(text)
 
 
-def _parsed(rows: list[list[str]], numbers: list[int], path: Path) -> tuple[Ints, Floats]:
-    """Times [ns], and pose, flags and epoch (n, 9)."""
-    wanted = (*POSE, "flags", "epoch")
-    try:
-        return parse_fields(rows, COLUMNS, stamp="time_ns", values=wanted, unit_ns=1, file=path)
-    except DataError as error:
-        # rows are samples of one moment: say which line of the file it is
-        word, _, rest = (error.field or "").partition(" ")
-        row, _, column = rest.partition(",")
-        place = f"line {numbers[int(row) - 1]},{column}" if word == "line" else error.field
-        raise DataError(error.what, file=path, field=place, fix=error.fix) from None
-
-
-def _samples(t: Ints, values: Floats, origin: int, path: Path) -> Samples:
+def _samples(t: Ints, values: Floats, origin: int, path: Path) -> tuple[Samples, int]:
+    """The samples, and how many of them the headset calls good."""
     keep = increasing(t, file=path, row="sample")
     t, values = t[keep], values[keep]
     bounds = np.array([GOOD, 2**32 - 1])
@@ -138,16 +160,11 @@ def _samples(t: Ints, values: Floats, origin: int, path: Path) -> Samples:
     )
     if len(bad):
         raise DataError(f"flags or epoch of sample {bad[0] + 1} are none", file=path)
-    flags = values[:, 7].astype(np.uint32)
-    valid = (flags & VALID) == VALID
-    # what the headset itself calls no pose isn't held against the file
-    p = np.where(valid[:, None], values[:, :3], 0.0)
-    q = np.where(valid[:, None], values[:, 3:7], [0.0, 0.0, 0.0, 1.0])
-    flags = np.where(valid, flags, 0).astype(np.uint32)
-    checked = checked_poses(p, q, file=path, row="sample")
+    # what was no pose live is none in the log either
+    checked, flags = believed(values[:, :3], values[:, 3:7], values[:, 7])
     eye = UNITY.to_openxr(checked)
     pose_t = t + np.int64(origin)
-    return Samples(
+    samples = Samples(
         source_t=t,
         pose_t=pose_t,
         receive_t=pose_t,
@@ -155,6 +172,7 @@ def _samples(t: Ints, values: Floats, origin: int, path: Path) -> Samples:
         flags=flags,
         epoch=values[:, 8].astype(np.uint32),
     )
+    return samples, int(np.sum(values[:, 7] == GOOD))
 
 
 IMPORTER = Importer(

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vrbench.devices.link import COLUMNS, VELOCITIES
+from vrbench.devices.frames import COLUMNS, VELOCITIES
 from vrbench.geometry import UNITY, Floats, Transform
 
 MAGIC = b"VRBQ"
@@ -44,6 +44,8 @@ POSE = np.dtype(
         ("w", "<f4", 3),
     ]
 )
+# Times of a clock that counts from some start, 36 years from it at most: sums stay within int64.
+LATEST_NS = 2**60
 MOMENTS = {"update": 0, "render": 1}
 
 
@@ -101,9 +103,19 @@ def poses_of(body: bytes) -> tuple[int, np.ndarray[Any, Any]]:
     samples = np.frombuffer(body, POSE, offset=BATCH.size)
     if samples["flags"].max() > 15 or samples["moment"].max() > 1:
         raise WireError("flags or moment of a pose")
-    if np.abs(samples["time_ns"]).max() > 2**60:
-        raise WireError("time of a pose")
+    check_times(*samples["time_ns"].tolist())
     return first, samples
+
+
+def check_times(*times_ns: int) -> None:
+    """Refuses times that no clock of a headset has.
+
+    Raises:
+        WireError: one of them is past `LATEST_NS`.
+    """
+    for time_ns in times_ns:
+        if abs(time_ns) > LATEST_NS:
+            raise WireError(f"a time of {time_ns} ns")
 
 
 def frames_of(samples: np.ndarray[Any, Any]) -> Floats:
@@ -137,6 +149,8 @@ def facts_of(body: bytes) -> dict[str, Any]:
     """
     try:
         facts = json.loads(body.decode())
+        # what JSON has no words for, Python reads all the same: no number, half a character
+        json.dumps(facts, allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
         raise WireError("a greeting that is no JSON") from None
     plain = isinstance(facts, dict) and all(

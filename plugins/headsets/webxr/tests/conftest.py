@@ -1,6 +1,9 @@
 """What the tests of the route share: a served page, and a browser that has an emulated headset."""
 
+import contextlib
 import shutil
+import socket
+import threading
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -82,6 +85,58 @@ def page(headset):
         fake.frame(*sway(0.0))
         _wait_for(lambda: headset.link.synchronised and headset.server.state is not None)
         yield fake
+
+
+class Relay:
+    """Passes TCP connections on; what goes over those there are can be swallowed, unnoticed."""
+
+    def __init__(self, port):
+        self._to = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._sockets, self._swallowed = [], set()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def swallow(self):
+        """Connections there are go silent; later ones work."""
+        self._swallowed |= set(self._sockets)
+
+    def close(self):
+        for each in (self._listener, *self._sockets):
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+
+    def _accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = self._listener.accept()
+                far = socket.create_connection(("127.0.0.1", self._to))
+                self._sockets += [near, far]
+                for ends in ((near, far), (far, near)):
+                    threading.Thread(target=self._pass_on, args=ends, daemon=True).start()
+
+    def _pass_on(self, source, sink):
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                if source not in self._swallowed:
+                    sink.sendall(data)
+            if source not in self._swallowed:
+                sink.shutdown(socket.SHUT_WR)
+
+
+@pytest.fixture
+def relayed():
+    """Makes a relay in front of a port."""
+    relays = []
+
+    def make(port):
+        relays.append(Relay(port))
+        return relays[-1]
+
+    yield make
+    for relay in relays:
+        relay.close()
 
 
 @pytest.fixture(scope="session")

@@ -147,7 +147,11 @@ def test_a_second_client_is_refused_and_the_first_goes_on(headset, page, wait_fo
             '{"type": "pong", "id": 99999, "received_ms": 1, "sent_ms": 1}',
             "an answer to ping 99999",
         ),
-        ('{"type": "state", "session": "perhaps"}', "state.session"),
+        (
+            '{"type": "pong", "id": 0, "received_ms": 1e13, "sent_ms": 1e13}',
+            "pong.received_ms",
+        ),
+        ('{"type": "state", "session": "yes"}', "state.session"),
         ('{"type": "event", "id": 0, "kind": "explosion", "now_ms": 0}', "event.kind"),
         ("[" * 9000, "message: "),
         ("x" * (protocol.MAX_TEXT_CHARS + 1), "a text message of 16385 characters"),
@@ -160,6 +164,7 @@ def test_a_second_client_is_refused_and_the_first_goes_on(headset, page, wait_fo
         (np.array([1.0, np.nan, 1, 18, *[0] * 18]).tobytes(), "sequence number nan"),
         (np.array([1.0, 0, 1, 17, *[0] * 17]).tobytes(), "17 columns"),
         (batch(0, np.full((1, 18), np.nan)), "a frame without its times"),
+        (batch(0, np.full((1, 18), 1e13)), "a frame without its times"),
         (batch(0, np.array([[0.0] * 16 + [16, 0]])), "flags or epoch"),
         (batch(0, np.array([[0.0] * 16 + [15, -1]])), "flags or epoch"),
         (batch(0, np.array([[0.0] * 16 + [15, 0.5]])), "flags or epoch"),
@@ -205,6 +210,10 @@ def test_a_message_too_large_closes_the_connection(headset, page, wait_for):
         (
             json.dumps({"type": "hello", "protocol": 2, "page": "12345678", "origin_ms": 0}),
             protocol.OTHER_VERSION,
+        ),
+        (
+            json.dumps({"type": "hello", "protocol": 1, "page": "12345678", "origin_ms": 1e14}),
+            protocol.BAD_MESSAGE,
         ),
     ],
 )
@@ -544,7 +553,9 @@ def test_the_recorder_writes_a_take_that_reads_back(headset, page, tmp_path):
             yield done / 5
 
     path = tmp_path / "replay.default.m1.r1.mcap"
-    received = record_take(path, {}, [headset], movement(), headset._host, lambda *_: None)
+    received = record_take(
+        path, {}, {"headset": headset}, movement(), headset._host, lambda *_: None
+    )
     over.set()
     player.join()
     columns = read_take(path)

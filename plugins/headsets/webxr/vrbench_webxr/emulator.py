@@ -10,21 +10,29 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import secrets
 import ssl
 import struct
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
+from vrbench.config.rig import Mounting
+from vrbench.devices.emulated import EmulatedHead, StageReader
 from vrbench.geometry import Floats, rotvec_to_quat
 from vrbench_webxr import protocol
 
 TRACKED = 15.0
+# How long a page that isn't served waits before it tries again [s].
+AGAIN_S = 0.5
+# How often it looks where the robot has carried it meanwhile [s].
+RIDE_S = 0.03
 
 
 class FakePage:
@@ -147,9 +155,13 @@ class FakePage:
         flags: float = TRACKED,
         epoch: float = 0.0,
         display_ms: float | None = None,
+        at_ms: float | None = None,
     ) -> None:
-        """Holds a frame made now, shown `display_ms` later, to be sent at the next ping."""
-        now = self.now_ms()
+        """Holds a frame made now, shown `display_ms` later, to be sent at the next ping.
+
+        One that was made a moment ago says `at_ms`, when by its clock.
+        """
+        now = self.now_ms() if at_ms is None else at_ms
         shown = np.nan if display_ms is None else now + display_ms
         row = np.array([now, shown, now, *p, *q, *[np.nan] * 6, flags, epoch])
         with self._lock:
@@ -215,23 +227,60 @@ def play(page: FakePage, rate_hz: float, going_on: Callable[[], bool]) -> None:
         time.sleep(max(0.0, due - time.perf_counter()))
 
 
+def ride(page: FakePage, head: EmulatedHead, rate_hz: float, going_on: Callable[[], bool]) -> None:
+    """Makes frames at a rate of a head that an emulated robot carries, while `going_on()`."""
+    period = round(1e9 / rate_hz)
+    due = time.perf_counter_ns()
+    while going_on() and page.closed is None:
+        time.sleep(RIDE_S)
+        now = time.perf_counter_ns()
+        # where the robot was a second ago is forgotten soon: frames are left out instead
+        frames = np.arange(max(due, now - round(1e9)), now, period)
+        if len(frames):
+            pose = head.eye(frames)
+            for t, p, q in zip(frames.tolist(), pose.p, pose.q, strict=True):
+                page.frame(p, q, at_ms=t / 1e6 + page.shift_ms)
+            due = int(frames[-1]) + period
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Plays a headset to the recorder at an address, for so long."""
     parser = argparse.ArgumentParser(prog="vrbench_webxr.emulator", description=main.__doc__)
     parser.add_argument("url", help="the address that the recorder printed")
     parser.add_argument("--rate", type=float, default=90.0, help="frames a second")
     parser.add_argument("--seconds", type=float, default=float("inf"))
+    parser.add_argument(
+        "--stage", type=Path, help="an emulated robot's file: the headset rides on it"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of how it rides there, and errs")
     options = parser.parse_args(arguments)
     connecting: dict[str, Any] = {}
     if options.url.startswith("https"):
         connecting["ssl"] = ssl._create_unverified_context()  # its own certificate
-    with FakePage(options.url, **connecting) as page:
-        page.begin_session(options.rate)
-        end = time.monotonic() + options.seconds
-        with contextlib.suppress(KeyboardInterrupt):
-            play(page, options.rate, lambda: time.monotonic() < end)
-        if page.closed is None:
-            page.end_session()
+    end = time.monotonic() + options.seconds
+
+    def going_on() -> bool:
+        return time.monotonic() < end
+
+    with contextlib.suppress(KeyboardInterrupt):
+        if options.stage is None:
+            with FakePage(options.url, **connecting) as page:
+                page.begin_session(options.rate)
+                play(page, options.rate, going_on)
+                if page.closed is None:
+                    page.end_session()
+            return
+        stage = StageReader(options.stage)
+        # late frames are for those who ask for them
+        with contextlib.suppress(OSError):
+            os.nice(-10)
+        head = EmulatedHead(stage, Mounting().tcp_eye.transform(), options.seed)
+        while going_on():
+            # as a page does that somebody left open, it comes back whenever it is served
+            with contextlib.suppress(OSError), FakePage(options.url, **connecting) as page:
+                page.begin_session(options.rate)
+                ride(page, head, options.rate, going_on)
+            time.sleep(AGAIN_S)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from vrbench.devices.link import CALLBACK, COLUMNS, EPOCH, FLAGS, NOW
+from vrbench.devices.frames import CALLBACK, COLUMNS, EPOCH, FLAGS, NOW
 from vrbench.geometry import Floats
 
 VERSION = 1
@@ -22,6 +22,10 @@ MAX_ROWS = 4096
 HEADER = 4
 # Sequence numbers, epochs and times are whole or real numbers that float64 holds exactly.
 LARGEST = 2.0**53
+# Milliseconds since 1970 until 2096, and of a clock counted from there 31 years: in nanoseconds
+# their sum stays within int64.
+LATEST_ORIGIN_MS = 4e12
+LATEST_MS = 1e12
 
 # Why a connection is closed, told to the page.
 SECOND_CLIENT = 4001
@@ -30,7 +34,7 @@ OTHER_VERSION = 4003
 REPLACED = 4004
 
 Name = Annotated[str, Field(max_length=100)]
-Milliseconds = Annotated[float, Field(ge=-1e15, le=1e15, allow_inf_nan=False)]
+Milliseconds = Annotated[float, Field(ge=-LATEST_MS, le=LATEST_MS, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0, le=2**53)]
 
 
@@ -39,7 +43,7 @@ class ProtocolError(Exception):
 
 
 class _Message(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class Hello(_Message):
@@ -48,7 +52,7 @@ class Hello(_Message):
     type: Literal["hello"]
     protocol: int
     page: Annotated[str, Field(min_length=8, max_length=64)]
-    origin_ms: Annotated[float, Field(ge=0, le=1e14, allow_inf_nan=False)]
+    origin_ms: Annotated[float, Field(ge=0, le=LATEST_ORIGIN_MS, allow_inf_nan=False)]
     client: Name = "page"
     agent: Annotated[str, Field(max_length=500)] = ""
     isolated: bool = False
@@ -142,7 +146,7 @@ def parse_batch(data: bytes) -> Batch:
         raise ProtocolError(f"{count:g} frames in {len(data)} bytes")
     rows = values[HEADER:].reshape(-1, len(COLUMNS)).copy()
     times, ends = rows[:, [CALLBACK, NOW]], rows[:, [FLAGS, EPOCH]]
-    if not (np.isfinite(times).all() and (np.abs(times) < 1e15).all()):
+    if not (np.isfinite(times).all() and (np.abs(times) < LATEST_MS).all()):
         raise ProtocolError("a frame without its times")
     if not ((ends >= 0) & (ends < [16, 2**32]) & (ends == np.floor(ends))).all():
         raise ProtocolError("flags or epoch of a frame")

@@ -54,8 +54,11 @@ class Hasty:
     def take(self, name, index, total):
         pass
 
-    def moving(self, received, done):
-        self.received = dict(received)
+    def moving(self, progress):
+        self.received = {stream.stream: stream.received for stream in progress.streams}
+
+    def notice(self, text):
+        pass
 
 
 def test_a_capture_on_a_live_rig(motive, tmp_path, monkeypatch):

@@ -8,7 +8,9 @@ well a client maps it. It binds loopback addresses only, and multicast leaves wi
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import random
 import select
 import socket
@@ -16,10 +18,14 @@ import struct
 import sys
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
+from vrbench.devices.emulated import EmulatedBody, StageReader
+from vrbench.geometry import Floats, Transform
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frames import BITSTREAM_CHANGED, MODELS_CHANGED, Frame, Suffix
 from vrbench_optitrack.scene import Scene
@@ -166,6 +172,18 @@ class Emulator:
         else:
             self._sockets.append(broadcast)
 
+    def ride_on(self, stage: Path) -> None:
+        """The body is what an emulated robot carries."""
+        body = EmulatedBody(StageReader(stage), self.seed)
+        # late frames are for those who ask for them
+        with contextlib.suppress(OSError):
+            os.nice(-10)
+
+        def carried(seconds: Floats) -> Transform:
+            return body.pose(self._first_ns + np.rint(seconds * NS).astype(np.int64))
+
+        self.scene = replace(self.scene, carried=carried)
+
     def close(self) -> None:
         """Releases the ports."""
         for each in self._sockets:
@@ -204,6 +222,10 @@ class Emulator:
             if not (dropped or self.faults.mute):
                 self._send(index, mid)
             index += 1
+            if self.scene.carried is not None:
+                # where a robot was half a second ago is forgotten soon: frames are left out instead
+                late = time.monotonic_ns() - due - NS // 2
+                index += max(0, round(late / period))
 
     def _answer_until(self, due: int) -> None:
         """Answers what comes in until it is time for the next frame."""
@@ -372,6 +394,9 @@ def version(text: str) -> Version:
 @click.option("--data-port", default=DATA_PORT, help="0 takes the command port's successor.")
 @click.option("--group", default=GROUP, help="Multicast address.")
 @click.option("--motion", default="shooter-1", help="Of the head: the name of a generator.")
+@click.option(
+    "--stage", type=click.Path(path_type=Path), help="An emulated robot's file: it moves the head."
+)
 @click.option("--begin", default=0.0, help="Where in the motion to begin [s].")
 @click.option("--body", default="headset", help="Name of the head's rigid body.")
 @click.option("--markers", default=3, help="Further labeled markers.")
@@ -441,6 +466,8 @@ def main(**given: Any) -> None:
         ),
         seed=given["seed"],
     )
+    if given["stage"] is not None:
+        emulator.ride_on(given["stage"])
     try:
         emulator.open()
         emulator.run(given["duration"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -56,6 +57,8 @@ class Scene:
         unit_mm: the stream's unit [mm].
         lose_every_s: how often tracking is lost; 0 is never.
         lose_s: for how long.
+        carried: where an emulated robot carries the body, y up [m], at times (n,) since the first
+            frame [s]; where there is none it moves as `motion`.
         lost_as: what the stream does then: `flag` says so, `absent` leaves the body out; both hold
             the last pose otherwise, as Motive does.
     """
@@ -72,15 +75,18 @@ class Scene:
     lose_every_s: float = 0.0
     lose_s: float = 0.5
     lost_as: Literal["flag", "absent"] = "flag"
+    carried: Callable[[Floats], Transform] | None = None
     _block: dict[int, tuple[Floats, Floats]] = field(default_factory=dict, repr=False)
 
     @property
     def block(self) -> int:
-        """Frames that are computed at one go: about a second's."""
-        return max(1, round(self.rate_hz))
+        """Frames that are computed at one go: about a second's; one where a robot moves it."""
+        return 1 if self.carried is not None else max(1, round(self.rate_hz))
 
     def head(self, seconds: Floats) -> Transform:
         """Where the body truly is, y up [m], at times (n,) since the first frame [s]."""
+        if self.carried is not None:
+            return self.carried(seconds)
         path: Trajectory = generate(self.motion).trajectory
         t = np.rint(np.mod(seconds + self.begin_s, path.duration_s) * NS).astype(np.int64)
         return HEAD @ path.at(t)

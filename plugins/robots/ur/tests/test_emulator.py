@@ -157,6 +157,66 @@ def test_in_use_local_mode_and_mute(emulators):
     assert "enable remote control" in client(emulators("--local").host, body)
 
 
+def test_what_the_client_asks_is_answered_and_what_is_not_emulated_is_no_success(emulator):
+    told = client(
+        emulator.host,
+        """
+        r = rtde_receive.RTDEReceiveInterface(host)
+        c = rtde_control.RTDEControlInterface(host)
+        io = rtde_io.RTDEIOInterface(host)
+        q = r.getActualQ()
+        near = [x + 0.3 for x in q]
+        c.getStepTime()  # the client reads before the answer can be there
+        time.sleep(0.1)
+        out = dict(step=c.getStepTime())
+        out["ahead"] = c.getForwardKinematics(q, [0.0] * 6)
+        out["here"] = r.getActualTCPPose()
+        out["back"] = max(abs(a - b) for a, b in zip(c.getInverseKinematics(out["here"], near), q))
+        out["bit"] = io.setStandardDigitalOut(3, True)
+        time.sleep(0.1)
+        out["bits"] = r.getActualDigitalOutputBits()
+        c.moveJ(near, 0.5, 0.5, True)
+        time.sleep(0.1)
+        out["under_way"] = c.getAsyncOperationProgressEx().isAsyncOperationRunning()
+        time.sleep(2.0)
+        out["arrived"] = not c.getAsyncOperationProgressEx().isAsyncOperationRunning()
+        print(json.dumps(out))
+        sys.stdout.flush()
+        up = list(r.getActualTCPPose())
+        up[2] += 0.02
+        out["line"] = c.moveL(up, 0.1, 0.3)
+        print(json.dumps(out))
+        sys.stdout.flush()
+        import os
+        os._exit(0)
+        """,
+    )
+    assert told["step"] == 0.002
+    np.testing.assert_allclose(told["ahead"][:3], told["here"][:3], atol=1e-4)
+    assert told["back"] < 1e-4
+    assert told["bit"] is True
+    assert told["bits"] == 1 << 3
+    assert told["under_way"] is True
+    assert told["arrived"] is True
+    assert told["line"] is False
+    assert emulator.ticks("program stopped: command 3 is not emulated")
+
+
+def test_a_joint_past_its_end_is_a_protective_stop():
+    controller = running()
+    goal = list(controller.twin.q)
+    goal[5] += 7.0
+    for i, x in enumerate([*goal, 3.0, 10.0]):
+        controller.write(f"input_double_register_{i}", x)
+    controller.write("input_int_register_0", 1)
+    while not controller.safety_bits & 4 and controller.tick_count < 5000:
+        controller.tick()
+    assert controller.safety_bits & 4
+    for _ in range(100):
+        controller.tick()
+    assert abs(controller.twin.q[5]) < 2 * np.pi + 0.2
+
+
 def test_servo_lags_by_its_lookahead():
     twin = Twin(UR5E, seed=1)
     start = list(twin.q)

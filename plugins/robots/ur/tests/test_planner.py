@@ -1,22 +1,26 @@
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_lsq_spline
 from vrbench_ur import search
 from vrbench_ur.arms import ARMS, UR5E
+from vrbench_ur.checks import Breach
 from vrbench_ur.fraction import moveit_fraction
 from vrbench_ur.kinematics import flange
 from vrbench_ur.options import Limits, Options, Payload, Start, Workspace
 from vrbench_ur.plan_file import describe, read_path, write_plan
 from vrbench_ur.planner import PlanError, Planner
 from vrbench_ur.search import quiet
+from vrbench_ur.spline import fit
 from vrbench_ur.targets import Task, postures, start_eye
 from vrbench_ur.testing import MOUNTING, START, nod, options
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.geometry import Transform, relative_angle
+from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import relative_to_first
 from vrbench.trajectory import Trajectory
@@ -151,6 +155,30 @@ def test_gaps_and_stubs_are_no_motions(planner):
         planner.plan(Trajectory(motion.t + (motion.t > 10**9) * 10**9, motion.pose))
     with pytest.raises(ConfigError, match="12 or more"):
         planner.plan(motion[:5])
+
+
+def test_what_no_start_can_do_is_told_of_a_start_that_gets_far():
+    t = nod(6.0).t
+    angle = np.pi * np.sin(np.linspace(0, np.pi, len(t)))
+    turn = np.column_stack((angle, np.zeros((len(t), 2))))
+    over = Trajectory(t, Transform(np.zeros((len(t), 3)), rotvec_to_quat(turn)))
+    with pytest.raises(PlanError) as told:
+        Planner(UR5E, Options(), MOUNTING).plan(over)
+    assert float(re.search(r"strict fraction ([0-9.]+)", str(told.value))[1]) > 0.1
+
+
+def test_what_breaks_before_the_motion_is_told_so():
+    breach = Breach("speed", 0.25, "elbow", 200.0, 180.0, "deg/s")
+    assert "at 0.25 s" in str(breach)
+    assert "0.75 s before the motion" in str(breach.earlier(1.0))
+
+
+def test_the_spline_is_scipys_own_fit():
+    t = np.arange(600) / 120.0
+    q = np.cumsum(np.random.default_rng(1).normal(size=(600, 6)), axis=0) * 1e-3
+    path = fit(t, q)
+    want = make_lsq_spline(t, q, path.knots, k=5)
+    np.testing.assert_allclose(path.coefficients, want.c, atol=1e-12)
 
 
 def test_too_heavy_is_refused_before_anything_is_planned():

@@ -1,4 +1,5 @@
 import socket
+import struct
 import threading
 
 import numpy as np
@@ -37,6 +38,27 @@ def test_other_messages_are_passed_by_and_cuts_are_no_matter(cut):
     assert found is None
     found, _ = _search(rest + data[cut:])
     assert same(found, UR5E.dh)
+
+
+def test_a_robot_state_as_the_maker_lays_it_out():
+    # as its simulator 5.8 begins one: mode 47 bytes, joints 251, Cartesian 101, kinematics 225
+    others = b"".join(
+        struct.pack(">iB", size, kind) + bytes(size - 5)
+        for size, kind in ((47, 0), (251, 1), (101, 4))
+    )
+    theta, alpha = (0.0,) * 6, (1.570796327, 0.0, 0.0, 1.570796327, -1.570796327, 0.0)
+    a, d = (0.0, -0.425, -0.3922, 0.0, 0.0, 0.0), (0.1625, 0.0, 0.0, 0.1333, 0.0997, 0.0996)
+    kinematics = struct.pack(">iB6I", 225, 5, *[0xFFFFFFFF] * 6)
+    kinematics += struct.pack(">24dI", *theta, *a, *d, *alpha, 0)
+    masterboard = struct.pack(">iB", 75, 3) + bytes(70)
+    body = others + kinematics + masterboard
+    found, rest = _search(struct.pack(">iB", 5 + len(body), 16) + body)
+    assert rest == b""
+    np.testing.assert_array_equal(found.theta, theta)
+    np.testing.assert_array_equal(found.a, a)
+    np.testing.assert_array_equal(found.d, d)
+    np.testing.assert_array_equal(found.alpha, alpha)
+    assert difference(np.zeros((1, 6)), UR5E.dh, found).max_mm < 1e-6
 
 
 def test_who_does_not_tell_them_is_not_asked_for_ever(emulators):

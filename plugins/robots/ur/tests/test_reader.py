@@ -1,3 +1,4 @@
+import contextlib
 import socket
 import threading
 import time
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 from vrbench_ur import rtde
 from vrbench_ur.controller_clock import ControllerClock
+from vrbench_ur.probe import Dashboard
 from vrbench_ur.reader import Reader
 from vrbench_ur.testing import wait_until
 
@@ -58,6 +60,37 @@ def test_what_is_no_robot_is_told(emulator):
         thread.start()
         with pytest.raises(DeviceError, match="does not speak RTDE"):
             Reader(host, 500.0, time.time_ns, 1.0)
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("port", "bytes_at_once", "match"),
+    [
+        (rtde.PORT_DASHBOARD, b"x", "mute"),
+        (rtde.PORT_DASHBOARD, b"HTTP/1.1 400 Bad Request\r\n", "no dashboard"),
+        (rtde.PORT_RTDE, rtde.message(rtde.TEXT, b"hello"), "mute"),
+    ],
+)
+def test_who_talks_without_answering_is_an_error_in_time(emulator, port, bytes_at_once, match):
+    host = emulator.host
+    emulator.close()
+    over = threading.Event()
+    with socket.create_server((host, port)) as server:
+
+        def serve():
+            connection, _ = server.accept()
+            with connection, contextlib.suppress(OSError):
+                while not over.wait(0.05):
+                    connection.sendall(bytes_at_once)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with pytest.raises(DeviceError, match=match):
+            if port == rtde.PORT_RTDE:
+                Reader(host, 500.0, time.time_ns, 0.5)
+            else:
+                Dashboard(host, 0.5)
+        over.set()
         thread.join()
 
 

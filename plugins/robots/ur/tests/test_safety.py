@@ -108,7 +108,7 @@ def recorded_and_compared(robot, plan, session, tmp_path):
         pass
     path = tmp_path / "replay.mcap"
     host = session.host
-    record_take(path, {}, [robot], robot.execute(plan), host, lambda *_: None)
+    record_take(path, {}, {"robot": robot}, robot.execute(plan), host, lambda *_: None)
     take = read_take(path)
     target, tcp = take.poses["robot/target"].trajectory(), take.poses["robot/tcp"].trajectory()
     # in space alone: on a busy machine the replay falls behind, but never leaves its path
@@ -226,7 +226,7 @@ def test_a_connection_that_breaks_keeps_what_was_recorded(ready, emulator, sessi
             yield done
 
     with pytest.raises(DeviceError):
-        record_take(path, {}, [robot], movement(), session.host, lambda *_: None)
+        record_take(path, {}, {"robot": robot}, movement(), session.host, lambda *_: None)
     assert not path.exists()
     kept = path.with_name("broken.mcap.part")
     kept.rename(path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class Breach:
 
     Attributes:
         check: which limit, `speed`.
-        time_s: where along the path [s].
+        time_s: where along the path [s]; below 0 for the lead, told on the motion's time.
         where: the joint or the pair of bodies.
         value, limit: in `unit`.
         unit: of both.
@@ -34,10 +34,19 @@ class Breach:
     limit: float
     unit: str
 
+    def earlier(self, seconds: float) -> Breach:
+        """The same on a time that begins so much later."""
+        return replace(self, time_s=self.time_s - seconds)
+
     def __str__(self) -> str:
         word = "below" if self.check in LEAST else "above"
+        when = (
+            f"at {self.time_s:.2f} s"
+            if self.time_s >= 0
+            else f"{-self.time_s:.2f} s before the motion, while the arm speeds up"
+        )
         return (
-            f"{self.check} at {self.time_s:.2f} s: {self.where}, {self.value:.4g} {self.unit} "
+            f"{self.check} {when}: {self.where}, {self.value:.4g} {self.unit} "
             f"is {word} {self.limit:.4g}"
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 from vrbench.errors import DeviceError
 from vrbench.geometry import Transform, quat_rotate, relative_angle
 from vrbench.trajectory import NS, Trajectory
-from vrbench_ur.arms import Arm
+from vrbench_ur.arms import JOINTS, Arm
 from vrbench_ur.calibration import difference, read_calibration
 from vrbench_ur.cell import Cell
 from vrbench_ur.checks import Breach, Examined, examine
@@ -27,6 +27,8 @@ from vrbench_ur.targets import Task, check_motion, postures, reached, start_eye
 PLANNED = 4
 # Use of a limit above which a plan that can be done carries a warning.
 NEAR = 0.95
+# A joint that turns farther from one pose to the next jumps to another posture [rad].
+JUMP = 0.5
 DYNAMIC = {"speed", "acceleration", "torque"}
 
 
@@ -83,9 +85,13 @@ class Planner:
             if tried is None or tried.breaches:
                 raise self._cannot(task, self.options.start, tried, progress)
             return self._plan(task, tried)
-        starts = list(dict.fromkeys(c.start for c in search(task, self.cell, progress)))
+        found = search(task, self.cell, progress)
+        starts = list(dict.fromkeys(c.start for c in found))
         tried = self._best(task, starts[:PLANNED])
         if tried is None or tried.breaches:
+            short = found[0].fraction if found[0].fraction < 1.0 else 0.0
+            if tried is not None and tried.far(task) < short and tried.rank()[0] > 1:
+                tried = None  # what doesn't reach it all gets farther
             raise self._cannot(task, starts[0], tried, None)
         return self._plan(task, tried)
 
@@ -99,12 +105,12 @@ class Planner:
                 angles = q[branch]
                 if self.options.calibration is not None:
                     angles = refine(angles, target, self.dh)
-                if np.abs(np.diff(angles, axis=0)).max() > 0.5:
+                if np.abs(np.diff(angles, axis=0)).max() > JUMP:
                     continue
                 path = smooth(task.times(), angles)
                 checks = examine(path, self.cell, self.options, task.rate_hz)
                 tried.append(_Tried(start, int(branch), path, checks))
-        return min(tried, key=lambda x: (bool(x.breaches), x.checks.cost), default=None)
+        return min(tried, key=_Tried.rank, default=None)
 
     def _plan(self, task: Task, tried: _Tried) -> UrPlan:
         path, checks, options = tried.path, tried.checks, self.options
@@ -172,20 +178,14 @@ class Planner:
         """The error that says where and why, and what would do instead."""
         place = f"start p_m {list(start.p_m)}, yaw {start.yaw_deg:g} deg"
         if tried is None:
-            q = postures(task.flange(start), self.arm.dh)
-            share = np.where(reached(q).all(axis=1), 1.0, reached(q).argmin(axis=1) / q.shape[1])
-            branch = int(np.argmax(share))
-            at = share[branch] * task.times()[-1]
-            eye = (start_eye(start) @ task.motion.pose).p[int(share[branch] * (q.shape[1] - 1))]
-            where = ", ".join(f"{x:.3f}" for x in eye)
-            what = f"out of reach of {self.arm.name} at {at:.2f} s, eye at ({where}) m"
-            fraction = float(share[branch])
+            fraction, what = self._broken_off(task, start)
         else:
             start, checks = tried.start, tried.checks
             place = f"start p_m {list(start.p_m)}, yaw {start.yaw_deg:g} deg"
-            shift = tried.path.lead_in_s
-            fraction = max(0.0, checks.ok_until_s - shift) / task.times()[-1]
-            what = f"{checks.breaches[0]} ({branch_name(tried.branch)})"
+            fraction = tried.far(task)
+            # told on the motion's time, not on that of the lead
+            first = checks.breaches[0].earlier(tried.path.lead_in_s)
+            what = f"{first} ({branch_name(tried.branch)})"
             others = sorted({b.check for b in checks.breaches[1:]} - {checks.breaches[0].check})
             what += f"; also {', '.join(others)}" if others else ""
         return PlanError(
@@ -194,6 +194,25 @@ class Planner:
             field="motion",
             fix=self._advice(task, tried, progress),
         )
+
+    def _broken_off(self, task: Task, start: Start) -> tuple[float, str]:
+        """How far the best posture gets that doesn't reach everything, and what ends it."""
+        q = postures(task.flange(start), self.arm.dh)
+        there = reached(q)
+        with np.errstate(invalid="ignore"):
+            leaps = np.abs(np.diff(q, axis=1)).max(axis=2) > JUMP
+        good = there & np.pad(~leaps, ((0, 0), (1, 0)), constant_values=True)
+        until = good.argmin(axis=1)  # 0 for one that reaches it all, and breaks another limit
+        branch = int(np.argmax(until))
+        k = int(until[branch])
+        at, eye = task.times()[k], (start_eye(start) @ task.motion.pose).p[k]
+        where = ", ".join(f"{x:.3f}" for x in eye)
+        if there[branch, k]:
+            joint = JOINTS[int(np.argmax(np.abs(q[branch, k] - q[branch, k - 1])))]
+            what = f"{joint} would have to jump at {at:.2f} s, a singularity is there"
+        else:
+            what = f"out of reach of {self.arm.name} at {at:.2f} s"
+        return float(k / good.shape[1]), f"{what}, eye at ({where}) m ({branch_name(branch)})"
 
     def _advice(self, task: Task, tried: _Tried | None, progress: Progress | None) -> str:
         """What stretch or start would do, tried out."""
@@ -227,3 +246,16 @@ class _Tried:
     @property
     def breaches(self) -> tuple[Breach, ...]:
         return self.checks.breaches
+
+    def far(self, task: Task) -> float:
+        """The share of the motion 0..1 before the first breach."""
+        begun = max(0.0, self.checks.ok_until_s - self.path.lead_in_s)
+        return float(min(1.0, begun / task.times()[-1]))
+
+    def rank(self) -> tuple[int, float]:
+        """Least for the best: what can be done, what a stretch may do, what gets farthest."""
+        if not self.breaches:
+            return 0, self.checks.cost
+        if {breach.check for breach in self.breaches} <= DYNAMIC:
+            return 1, self.checks.cost
+        return 2, -self.checks.ok_until_s

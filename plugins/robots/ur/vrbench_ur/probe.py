@@ -21,6 +21,8 @@ from vrbench_ur.reader import Reader
 from vrbench_ur.safety import check_payload, safety_text
 
 E_SERIES = 5
+# Longer than any line of a dashboard.
+LONGEST_LINE = 4096
 # Farther off than arms are from their published model [mm].
 MOST_OFF_MM = 20.0
 
@@ -29,36 +31,50 @@ class Dashboard:
     """The controller's dashboard port: a line in, a line out.
 
     Raises:
-        DeviceError: nobody answers, or not in time.
+        DeviceError: nobody answers, not in time, or what answers is no dashboard.
     """
 
     def __init__(self, host: str, timeout_s: float) -> None:
-        self.host = host
+        self.host, self._timeout = host, timeout_s
         try:
             self._socket = socket.create_connection((host, rtde.PORT_DASHBOARD), timeout_s)
         except OSError as error:
             raise DeviceError(
                 f"no controller answers at {host}, port {rtde.PORT_DASHBOARD}",
                 field="robot.options.host",
-                fix=f"is it switched on, and the address right? {error}",
+                fix="is it switched on, and the address right? is the dashboard server allowed "
+                f"(PolyScope X has none)? {error}",
             ) from None
         self._text = b""
         try:
-            self._line()
+            greeting = self._line()
+            if "dashboard" not in greeting.lower():
+                raise DeviceError(
+                    f"what answers at {host}, port {rtde.PORT_DASHBOARD}, is no dashboard: "
+                    f"{greeting[:60]!r}",
+                    field="robot.options.host",
+                    fix="is this the robot's address?",
+                )
         except BaseException:
             self._socket.close()
             raise
 
     def _line(self) -> str:
+        # bytes that trickle in without a line's end must not wait for ever
+        deadline = time.monotonic() + self._timeout
         try:
             while b"\n" not in self._text:
+                left = deadline - time.monotonic()
+                if left <= 0 or len(self._text) > LONGEST_LINE:
+                    raise TimeoutError
+                self._socket.settimeout(left)
                 data = self._socket.recv(4096)
                 if not data:
                     raise OSError("the connection was closed")
                 self._text += data
         except TimeoutError:
             raise DeviceError(
-                f"{self.host} accepts connections and stays mute",
+                f"{self.host} accepts connections and stays mute (no line from its dashboard)",
                 field="robot.options.host",
                 fix="is this the robot's address? restart the controller if it is",
             ) from None

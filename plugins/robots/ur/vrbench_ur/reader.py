@@ -10,6 +10,7 @@ import contextlib
 import socket
 import struct
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from types import TracebackType
@@ -109,12 +110,14 @@ class Reader:
 
     def _ask(self, kind: int, payload: bytes = b"") -> bytes:
         """Sends a message and waits for the answer of its kind; others are passed by."""
+        deadline = time.monotonic() + self._timeout
         try:
             self._socket.sendall(rtde.message(kind, payload))
-            while True:
+            while time.monotonic() < deadline:
                 for got, answer in self._framing.feed(self._receive()):
                     if got == kind:
                         return answer
+            raise TimeoutError
         except TimeoutError:
             raise DeviceError(
                 f"{self.host} accepts connections and stays mute",

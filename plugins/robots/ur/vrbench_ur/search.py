@@ -32,8 +32,10 @@ BATCH = 256
 # How many starts are looked at in full, how many of them are moved about, and how often.
 LOOKED_AT, REFINED, ROUNDS, NEIGHBOURS = 320, 4, 4, 16
 THIN_POSES = 24
+# Poses of a motion at most whose distances the search looks at: two minutes at its rate.
+CLEARED_POSES = 1500
 COARSE_HZ = 12.0
-# Cost of a start that can't reach everything: 10 and the part it misses.
+# Cost of a start that can't reach everything, or touches something: 10 and the part it misses.
 UNREACHED = 10.0
 SEED = 1
 
@@ -111,15 +113,27 @@ def look_at(coarse: Task, cell: Cell, start: Start) -> Candidate:
     for branch in sorted(whole, key=lambda b: cost[b]):
         if cost[branch] >= cost[whole].min() + 1.0 or cost[branch] > 1.5:
             continue
-        clearance = max(float(cell.clearance(q[branch])[0].min()), 0.0)
-        # touching costs 5, the clearance that is kept 1, and more of it less
-        near = 1.0 + 4.0 * (1.0 - clearance / keep) if clearance < keep else keep / clearance
-        cost[branch] = max(cost[branch], near)
+        cost[branch] = max(cost[branch], _near_cost(q[branch], cell, keep))
     for branch in whole:
+        # what breaks another limit is told of, and a start that isn't in the table says more
         if cost[branch] > 1.5:
-            cost[branch] = max(cost[branch], 1.5)
+            few = q[branch][:: max(1, q.shape[1] // THIN_POSES)]
+            cost[branch] = max(cost[branch], _near_cost(few, cell, keep))
     best = int(np.argmin(cost))
     return Candidate(start, best, float(cost[best]), float(share[best]))
+
+
+def _near_cost(q: Floats, cell: Cell, keep: float) -> float:
+    """What is kept clear [m] over the least distance along angles (n, 6).
+
+    Where the arm touches, that is as bad as what it can't reach, and later is better: what can't be
+    done is told of the start that gets far.
+    """
+    clearance = cell.clearance(q[:: -(-len(q) // CLEARED_POSES)])[0]
+    least = float(clearance.min())
+    if least <= 0.0:
+        return UNREACHED + 1.0 - int(np.argmax(clearance < keep)) / len(clearance)
+    return 1.0 + 4.0 * (1.0 - least / keep) if least < keep else keep / least
 
 
 def _motion_cost(q: Floats, t: Floats, cell: Cell, limits: Limits) -> float:

@@ -10,6 +10,9 @@ const MAX_ROWS = 4096;
 const CAPACITY = 65536;
 const ORIENTATION_VALID = 1, POSITION_VALID = 2, ORIENTATION_TRACKED = 4, POSITION_TRACKED = 8;
 const SECOND_CLIENT = 4001, BAD_MESSAGE = 4002, OTHER_VERSION = 4003;
+// The recorder asks for the time ten times a second. Where it stays silent for so long, the
+// connection is gone, though nobody said so: another network, a PC asleep.
+const SILENT_MS = 3000;
 const OPTIONAL_FEATURES = ["local-floor", "unbounded"];
 
 const byId = (id) => document.getElementById(id);
@@ -59,6 +62,16 @@ function sendEvents() {
   events.sent = events.next;
 }
 
+// What the recorder can't read it never will: the rest goes on without it.
+function giveUpSent() {
+  const refused = frames.sent - frames.first;
+  if (refused > 0) {
+    frames.first = frames.sent;
+    frames.dropped += refused;
+  }
+  while (events.waiting.length && events.waiting[0].id < events.sent) events.waiting.shift();
+}
+
 function acknowledge(nextFrame, lastEvent) {
   if (nextFrame !== null) frames.first = Math.max(frames.first, Math.min(nextFrame, frames.next));
   while (events.waiting.length && events.waiting[0].id <= lastEvent) events.waiting.shift();
@@ -72,6 +85,7 @@ let wantedRate = null;
 let take = null;
 let refused = "";
 let retryMs = 250;
+let heardAt = 0;
 
 const say = (message) => socket.send(JSON.stringify(message));
 const isOpen = () => socket !== null && socket.readyState === WebSocket.OPEN && socket.welcome === true;
@@ -81,7 +95,9 @@ function connect() {
   const opened = new WebSocket(`${scheme}//${location.host}${location.pathname}ws`);
   opened.binaryType = "arraybuffer";
   socket = opened;
+  heardAt = performance.now();
   opened.onopen = () => {
+    if (opened !== socket) return;
     say({
       type: "hello", protocol: VERSION, page, origin_ms: performance.timeOrigin, client: "page",
       agent: navigator.userAgent.slice(0, 500), isolated: self.crossOriginIsolated === true,
@@ -89,18 +105,36 @@ function connect() {
     });
   };
   opened.onmessage = (event) => {
+    if (opened !== socket) return;
     const received = performance.now();
+    heardAt = received;
     receive(JSON.parse(event.data), received);
   };
   opened.onclose = (event) => {
-    if (opened !== socket) return;
-    refused = event.code === SECOND_CLIENT || event.code === BAD_MESSAGE || event.code === OTHER_VERSION
-      ? event.reason || `code ${event.code}` : "";
-    if (opened.welcome) note("recorder lost");
-    retryMs = refused ? 3000 : Math.min(retryMs * 1.5, 2000);
-    setTimeout(connect, retryMs);
-    show();
+    if (opened === socket) connectionLost(event.code, event.reason);
   };
+}
+
+function connectionLost(code, reason) {
+  const known = socket.welcome === true;
+  socket = null;
+  if (known) note("recorder lost");
+  if (known && code === BAD_MESSAGE) {
+    giveUpSent();
+    note(`not understood: ${reason}`);
+  }
+  refused = code === SECOND_CLIENT || code === OTHER_VERSION || (code === BAD_MESSAGE && !known)
+    ? reason || `code ${code}` : "";
+  retryMs = refused ? 3000 : Math.min(retryMs * 1.5, 2000);
+  setTimeout(connect, retryMs);
+  show();
+}
+
+function lookWhetherHeard() {
+  if (socket === null || Math.abs(performance.now() - heardAt) < SILENT_MS) return;
+  const silent = socket;
+  connectionLost(1006, "silent");
+  silent.close();
 }
 
 function receive(message, received) {
@@ -114,6 +148,7 @@ function receive(message, received) {
       break;
     case "welcome":
       socket.welcome = true;
+      refused = "";
       retryMs = 250;
       wantedRate = message.rate_hz;
       take = message.take;
@@ -137,7 +172,7 @@ function receive(message, received) {
 
 // ---- The session ----
 
-const support = { works: false, reason: "not looked at yet" };
+const support = { known: false, works: false, reason: "", advice: "" };
 const xr = {
   session: null, space: null, gl: null, epoch: 0, started: 0, visibility: "", features: [],
   rateHz: null, view: null, last: null, resets: 0, display: "–",
@@ -146,15 +181,19 @@ const recent = { frames: 0, tracked: 0, since: performance.now(), rate: null, pa
 
 async function lookAtSupport() {
   if (!window.isSecureContext) {
-    support.reason = "the page is not from a secure address: use HTTPS, or localhost by adb reverse";
+    support.reason = "the page is not from a secure address";
+    support.advice = "Open it by https://, or by http://localhost after adb reverse, as the PC printed it.";
   } else if (!navigator.xr) {
     support.reason = "it does not know WebXR";
+    support.advice = "Open this address in the headset's own browser; on a PC, in Chrome or Edge.";
   } else if (!(await navigator.xr.isSessionSupported("immersive-vr").catch(() => false))) {
-    support.reason = "no headset is attached to it, or immersive sessions are forbidden";
+    support.reason = "it has no headset, or may not use it";
+    support.advice = "Open this address in the headset's own browser. On a PC: start the headset's"
+      + " runtime, then load this page anew.";
   } else {
     support.works = true;
-    support.reason = "";
   }
+  support.known = true;
 }
 
 async function start() {
@@ -253,8 +292,12 @@ function onFrame(time, frame) {
       const v = pose.linearVelocity, w = pose.angularVelocity;
       if (v) { row[10] = v.x; row[11] = v.y; row[12] = v.z; }
       if (w) { row[13] = w.x; row[14] = w.y; row[15] = w.z; }
-      flags = ORIENTATION_VALID | POSITION_VALID | ORIENTATION_TRACKED;
-      if (!pose.emulatedPosition) flags |= POSITION_TRACKED;
+      flags = ORIENTATION_VALID | POSITION_VALID;
+      // a hidden session should have no frames; what a browser gives all the same is not believed
+      if (session.visibilityState !== "hidden") {
+        flags |= ORIENTATION_TRACKED;
+        if (!pose.emulatedPosition) flags |= POSITION_TRACKED;
+      }
     }
     row[16] = flags;
     row[17] = xr.epoch;
@@ -304,7 +347,9 @@ function sayState() {
 }
 
 function stateOf() {
-  if (!support.works) return ["unsupported", "No WebXR here", `This browser can't do it: ${support.reason}.`];
+  if (support.known && !support.works) {
+    return ["unsupported", "No WebXR here", `This browser can't do it: ${support.reason}. ${support.advice}`];
+  }
   if (refused) return ["refused", "Not connected", `The recorder refused: ${refused}.`];
   if (xr.session && xr.visibility === "hidden") {
     return ["paused", "Session hidden", "Close the menu: the headset gives no frames meanwhile."];
@@ -358,6 +403,7 @@ function everySecond() {
   recent.rate = xr.session ? recent.frames / seconds : null;
   recent.part = recent.frames ? recent.tracked / recent.frames : null;
   Object.assign(recent, { frames: 0, tracked: 0, since: now });
+  lookWhetherHeard();
   sayState();
   show();
 }

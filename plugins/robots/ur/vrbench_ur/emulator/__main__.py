@@ -15,10 +15,13 @@ import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from random import Random
 
+from vrbench.devices.emulated import StageWriter
 from vrbench_ur.arms import ARMS, Arm, Dh
 from vrbench_ur.emulator.controller import Controller
+from vrbench_ur.emulator.mount import Mount
 from vrbench_ur.emulator.server import Server
 
 
@@ -31,6 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the arm's noise")
     parser.add_argument(
         "--calibrated", type=float, default=0.0, help="deviations of its arm from nominal, mm rms"
+    )
+    parser.add_argument(
+        "--stage", type=Path, help="file that tells other emulators where the head is"
     )
     parser.add_argument("--local", action="store_true", help="remote control is off")
     parser.add_argument("--mute", action="store_true", help="accept, and say nothing")
@@ -47,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         _say(f"can't listen on {given.host}, ports 29999, 30001, 30003, 30004: {error}")
         return 2
+    if given.stage is not None:
+        server.after_tick = Mount(controller.twin, StageWriter(given.stage)).tick
     server.mute, server.until_eof = given.mute, given.until_eof
     server.listen_to(lambda line: command(line, controller, server))
     for number in (signal.SIGTERM, signal.SIGINT):

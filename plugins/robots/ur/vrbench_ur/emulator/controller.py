@@ -6,21 +6,26 @@ number in input register 0, its arguments in the other registers, and the answer
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from typing import Any
 
 from vrbench_ur import rtde
-from vrbench_ur.arms import POSITION, Arm
-from vrbench_ur.emulator.twin import TICK_S, Twin, rotation
+from vrbench_ur.arms import Arm
+from vrbench_ur.emulator.answers import answer
+from vrbench_ur.emulator.twin import TICK_S, Twin
 from vrbench_ur.kinematics import flange_once
 
 READY, DONE = 1, 2
 # Commands that are done at once and leave the program ready: servoJ and its like.
 REAL_TIME = {6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)}
-MOVE_J, SERVO_J, SERVO_STOP, PAYLOAD, TCP, PROTECTIVE_STOP = 1, 11, 16, 17, 29, 31
-STOP_L, STOP_J, WATCHDOG, POSE_SAFE, JOINTS_SAFE, TCP_OFFSET = 33, 34, 35, 36, 37, 40
-FORWARD, PATH, STEADY, END_SCRIPT = 43, 45, 47, 255
+MOVE_J, SERVO_J, SPEED_STOP, SERVO_STOP, PROTECTIVE_STOP = 1, 11, 15, 16, 31
+STOP_L, STOP_J, PATH, END_SCRIPT = 33, 34, 45, 255
+# Past this, a joint's own safety limit stops the arm [rad].
+JOINT_END = 2 * math.pi + math.radians(3.0)
+# Bits of the word that tells of a move that the client doesn't wait for.
+ASYNC_RUNNING, ASYNC_COUNT, ASYNC_ID = 1 << 15, 16, 24
 UNLOCK_AFTER_S = 5.0
 MOVE = re.compile(
     r"movej\(\[([^\]]*)\]\s*,\s*a=([0-9.eE+-]+)\s*,\s*v=([0-9.eE+-]+)\s*,\s*r=([0-9.eE+-]+)\)"
@@ -50,7 +55,7 @@ class Controller:
         self.remote = True
         self.payload, self.cog = 0.0, [0.0, 0.0, 0.0]
         self.tcp_offset = [0.0] * 6
-        self.slider = 1.0
+        self.slider, self.digital_out = 1.0, 0
         self.events: list[tuple[int, str]] = []
         self._log = log
         self._script = ""
@@ -59,6 +64,7 @@ class Controller:
         self._stopped_at = 0
         self._watchdog: tuple[float, int] | None = None
         self._was_moving = False
+        self._async = False
 
     def note(self, what: str) -> None:
         """Keeps an event with its tick."""
@@ -75,6 +81,9 @@ class Controller:
             self._watchdog = (self._watchdog[0], self.tick_count)
         elif name == "speed_slider_fraction" and self.inputs.get("speed_slider_mask"):
             self.set_slider(float(value))
+        elif name == "standard_digital_output":
+            mask = int(self.inputs.get("standard_digital_output_mask", 0))
+            self.digital_out = (self.digital_out & ~mask) | (int(value) & mask)
 
     def set_slider(self, fraction: float) -> None:
         """The speed slider, 0..1."""
@@ -159,6 +168,11 @@ class Controller:
             self._run()
         self.twin.scaling = self.slider
         self.twin.tick()
+        if max(map(abs, self.twin.q)) > JOINT_END and rtde.PROTECTIVE not in self.safety:
+            self.note("joint limit")
+            self.protective_stop()
+        if self._async and not self.twin.busy:
+            self._tell_async(running=False)
         moving = self.twin.moving
         if moving != self._was_moving:
             self.note("moves" if moving else "rests")
@@ -177,9 +191,9 @@ class Controller:
             then, self._then = self._then, None
             then()
         if command in REAL_TIME:
-            self._real_time(command)
-            self.out_int[0] = READY
-            self._working = False
+            if self._real_time(command):
+                self.out_int[0] = READY
+                self._working = False
         elif command == 0:
             self._working = False
             self.out_int[0] = READY
@@ -188,19 +202,32 @@ class Controller:
             self.out_int[0] = 0
             self._start(command)
 
-    def _double(self, first: int, count: int) -> list[float]:
+    def doubles(self, first: int, count: int) -> list[float]:
+        """What clients wrote into the registers of numbers."""
         return [
             float(self.inputs.get(f"input_double_register_{i}", 0.0))
             for i in range(first, first + count)
         ]
 
-    def _real_time(self, command: int) -> None:
+    def watch(self, frequency: float) -> None:
+        """Ends the program when commands come less often than this [Hz]."""
+        self._watchdog = (frequency, self.tick_count)
+
+    def _unknown(self, command: int) -> None:
+        self.stop_program(f"command {command} is not emulated, or has no answer")
+
+    def _real_time(self, command: int) -> bool:
+        """Whether the program goes on."""
         if command == SERVO_J:
-            goal = self._double(0, 6)
+            goal = self.doubles(0, 6)
             if self._command != SERVO_J:
                 self.note("servo")
-            self.twin.servo(goal, self._double(9, 1)[0])
+            self.twin.servo(goal, self.doubles(9, 1)[0])
+        elif not answer(command, self):
+            self._unknown(command)
+            return False
         self._command = command
+        return True
 
     def _done(self) -> None:
         self.out_int[0] = DONE
@@ -210,54 +237,42 @@ class Controller:
         self._command = command
         self.note(f"command {command}")
         if command == MOVE_J:
-            q, (speed, acceleration) = self._double(0, 6), self._double(6, 2)
+            q, (speed, acceleration) = self.doubles(0, 6), self.doubles(6, 2)
             self.twin.move(q, max(speed, 1e-3), max(acceleration, 1e-3))
             self._finish()
         elif command == PATH:
             self.twin.follow(self._path())
             self._finish()
-        elif command in (SERVO_STOP, STOP_L, STOP_J):
+        elif command in (SPEED_STOP, SERVO_STOP, STOP_L, STOP_J):
             # of the tool [m/s2]; half a metre of lever makes it the joints' [rad/s2]
             lever = 1.0 if command == STOP_J else 0.5
-            self.twin.stop(self._double(0, 1)[0] / lever)
+            self.twin.stop(self.doubles(0, 1)[0] / lever)
             self._finish(wait=True)
         elif command == PROTECTIVE_STOP:
             self.protective_stop()
             self._done()
         elif command == END_SCRIPT:
             self.stop_program("asked to")
-        else:
-            self._answer(command)
+        elif answer(command, self):
             self._done()
+        else:
+            self._unknown(command)
 
     def _finish(self, wait: bool = False) -> None:
         """DONE when the arm has arrived; at once where the client doesn't wait."""
         if self.inputs.get("input_int_register_1") == 1 and not wait:
+            self._tell_async(running=True)
             self._done()
         else:
             self._then = self._done
 
-    def _answer(self, command: int) -> None:
-        """Commands that set or tell something."""
-        if command == PAYLOAD:
-            self.payload, *self.cog = self._double(0, 4)
-        elif command == TCP:
-            self.tcp_offset = self._double(0, 6)
-            self.twin.tool = (rotation(self.tcp_offset[3:]), self.tcp_offset[:3])
-        elif command == TCP_OFFSET:
-            self.out_double[:6] = self.tcp_offset
-        elif command == WATCHDOG:
-            self._watchdog = (max(self._double(0, 1)[0], 0.1), self.tick_count)
-        elif command == POSE_SAFE:
-            x, y, z = self._double(0, 3)
-            self.out_int[1] = int((x * x + y * y + z * z) ** 0.5 < 1.2 * self.arm.reach + 0.3)
-        elif command == JOINTS_SAFE:
-            q = self._double(0, 6)
-            self.out_int[1] = int(all(abs(x) <= m for x, m in zip(q, POSITION, strict=True)))
-        elif command == FORWARD:
-            self.out_double[:6] = self.twin.tcp(self.twin.actual)
-        elif command == STEADY:
-            self.out_int[1] = int(not self.twin.moving)
+    def _tell_async(self, *, running: bool) -> None:
+        """The word of a move that nobody waits for: its number, how often it changed, running."""
+        word = self.out_int[2]
+        number = ((word >> ASYNC_ID) + running) & 0x7F
+        count = ((word >> ASYNC_COUNT) + 1) & 0x7F
+        self._async = running
+        self.out_int[2] = number << ASYNC_ID | count << ASYNC_COUNT | ASYNC_RUNNING * running
 
     def _path(self) -> list[tuple[list[float], float, float]]:
         """The waypoints that the client wrote into its script."""
@@ -314,6 +329,10 @@ class Controller:
                 return self.payload
             case "payload_cog":
                 return list(self.cog)
+            case "actual_digital_output_bits":
+                return self.digital_out
+            case "standard_analog_output0" | "standard_analog_output1":
+                return float(self.inputs.get(f"standard_analog_output_{name[-1]}", 0.0))
             case "joint_mode":
                 return [253] * 6
         kind, _, number = name.rpartition("_register_")
