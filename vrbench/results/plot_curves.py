@@ -25,6 +25,7 @@ from vrbench.results.plot_data import (
 )
 from vrbench.results.spectrum import spectrum
 from vrbench.statistics.uncertainty import error_vectors
+from vrbench.streams import Event
 from vrbench.trajectory import NS, Trajectory
 
 # Lengths of a bin that a reader can make sense of [s].
@@ -227,7 +228,7 @@ def _marks(take: ScoredTake) -> list[Mark]:
     """Events within the window that say what became of the headset, and new world frames."""
     start, end = int(take.reference.t[0]), int(take.reference.t[-1])
     marks = [
-        Mark(t=round((event.t - start) / NS, 3), kind=event.kind[:100])
+        Mark(t=round((event.t - start) / NS, 3), kind=_told(event))
         for event in take.columns.events
         if event.kind not in UNSEEN and start <= event.t <= end and event.detail.get("at") != "end"
     ]
@@ -236,6 +237,12 @@ def _marks(take: ScoredTake) -> list[Mark]:
         at = (int(take.samples.pose_t[k + 1]) - start) / NS
         marks.append(Mark(t=round(at, 3), kind="new world frame"))
     return sorted(marks, key=lambda mark: mark.t)[:MOST_MARKS]
+
+
+def _told(event: Event) -> str:
+    """What a mark says; a gap that starts and ends is the robot's way back between loops."""
+    way_back = event.kind == "gap" and "at" in event.detail
+    return "way back" if way_back else event.kind[:100]
 
 
 def _clock(take: ScoredTake) -> tuple[list[float], list[float]] | None:
@@ -250,7 +257,10 @@ def _clock(take: ScoredTake) -> tuple[list[float], list[float]] | None:
 
 
 def _loops(whole: ScoredTake, parts: Sequence[ScoredTake]) -> list[LoopCurves]:
-    """The first and the last whole loop within the window; none where there are fewer than two."""
+    """The first and the last loop of which the window holds nine tenths; none of fewer than two.
+
+    The window ends with the motion, a little before the last loop's plan does.
+    """
     start, end = int(whole.reference.t[0]), int(whole.reference.t[-1])
     ends: dict[object, dict[object, int]] = {}
     for event in whole.columns.events:
@@ -259,7 +269,8 @@ def _loops(whole: ScoredTake, parts: Sequence[ScoredTake]) -> list[LoopCurves]:
     whole_ones = [
         (number, at["start"], at["end"])
         for number, at in ends.items()
-        if "start" in at and "end" in at and start <= at["start"] < at["end"] <= end
+        if {"start", "end"} <= at.keys()
+        and min(at["end"], end) - max(at["start"], start) > 0.9 * (at["end"] - at["start"]) > 0
     ]
     if len(whole_ones) < 2:
         return []

@@ -16,7 +16,7 @@ from vrbench.results.report import pages
 from vrbench.results.report.pages import cells, fixed, json_text, number, three
 from vrbench.results.report.run_page import run_page, write_report
 from vrbench.results.report.run_tables import numbers_of, results_of, shown
-from vrbench.results.tables import Row, parse_cells, read_rows, rows_of
+from vrbench.results.tables import Row, parse_cells, read_rows, rows_of, write_rows
 
 PROTOCOL = "vrbench-1"
 TABLE = "metrics/vrbench-1.csv"
@@ -208,3 +208,29 @@ def test_rows_that_the_page_needs_are_kept_and_their_number_is_small(run):
         strict=True,
     ):
         assert few == all_
+
+
+@pytest.mark.parametrize(
+    ("low", "scope", "verdict"),
+    [(0.5, "mount", "separable"), (-0.5, "mount", "not separable"), (0.5, "take", "can&#39;t")],
+)
+def test_changes_against_the_baseline_are_told_apart_or_not(run, low, scope, verdict):
+    record = json.loads((run / "run.json").read_text())
+    record["suite"]["conditions"] = [{"id": "none", "baseline": True}, {"id": "two"}]
+    (run / "run.json").write_text(json.dumps(record))
+    change = as_row(
+        condition="two",
+        mount="all",
+        repeat="all",
+        variant="vs-baseline",
+        value=1.0,
+        ci_low=low,
+        ci_high=1.5,
+        ci_scope=scope,
+    )
+    write_rows([*read_rows(run / TABLE), change], run / TABLE)
+    bundle = Bundle.open(run)
+    bundle.enter(TABLE)
+    text = " ".join(run_page(bundle, PROTOCOL).split())
+    assert "Change against the baseline, condition none" in text
+    assert f"<td>mm</td><td>{verdict}" in text

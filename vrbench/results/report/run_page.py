@@ -16,11 +16,11 @@ from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, parse_
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.plot_data import curves_file, parse_curves
 from vrbench.results.report.pages import json_text, render
+from vrbench.results.report.run_intervals import changes, forest_of_changes, forests, separate
 from vrbench.results.report.run_tables import (
     COLUMNS,
     HEADINGS,
     STATISTICS,
-    forests,
     headline,
     metrics,
     numbers_of,
@@ -98,7 +98,7 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
         calibrations = parse_calibrations(bundle.content(CALIBRATIONS), path, protocol)
     numbers = numbers_of(rows)
     results = results_of(rows, numbers, suite)
-    every = metrics(rows)
+    every, changed = metrics(rows), changes(rows, suite)
     return render(
         "run.html.j2",
         shared=site is not None,
@@ -126,7 +126,8 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
         line_count=len(every),
         row_count=len(lines),
         repairs=[(take.name, repair) for take in record.takes for repair in take.repairs],
-        forests=forests(results, numbers, suite),
+        forests=[*forests(results, numbers, suite), *forest_of_changes(changed, suite)],
+        changes=[(row, separate(row)) for row in changed],
         curves=json_text(curves_json.decode()),
     )
 
