@@ -41,6 +41,7 @@ ORDER = (
         "evaluation",
         "verification",
     ),
+    "exporting",
     "extraction",
     "cli",
     "__main__",
