@@ -53,7 +53,11 @@ def _aligned(take: ScoredTake) -> Iterator[Value]:
 
 
 def _anchored(take: ScoredTake) -> Iterator[Value]:
-    """Y from positions and rotations of the eye in the anchor window, which isn't scored."""
+    """Y from positions and rotations of the eye in the anchor window, which isn't scored.
+
+    It has no interval: most of its error is the chance of one short window, and a take has one of
+    it. So it is with the sitting's, whose chance is the calibration's and what drifts since.
+    """
     if take.anchor_end is None:
         raise EstimationError("the case has no anchor window")
     anchor = take.estimate.t <= take.anchor_end

@@ -19,6 +19,8 @@ from vrbench.trajectory import NS, Trajectory
 SEARCH_SHARE = 0.45
 # Over how long, before and after a step of the host's clock, the times of arrival are compared.
 ARRIVALS_S = 10.0
+# Of the year 2001: no recording is older, and no device has been on for so long.
+FIRST_DATE_S = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,10 +73,10 @@ def synchronised(columns: Columns, reference: str) -> Synchrony:
 
 
 def other_epochs(headset: Samples, truth: Samples) -> float | None:
-    """How far apart [s] the stamps of two streams begin, where nothing else tells of their clocks.
+    """How far apart [s] the stamps of two streams begin, where they count from other epochs.
 
-    That is where one has no times of arrival but its stamps, and they lie apart by more than the
-    ten minutes that are searched: they count from other epochs. None where they don't.
+    That is where one of them counts from a device's start, they lie apart by more than the ten
+    minutes that are searched, and no times of arrival tell of their clocks. None where it isn't.
     """
     if not len(headset) or not len(truth) or (_has_arrivals(headset) and _has_arrivals(truth)):
         return None
@@ -82,7 +84,8 @@ def other_epochs(headset: Samples, truth: Samples) -> float | None:
         int(headset.pose_t[0]) - int(truth.pose_t[-1]),
         int(truth.pose_t[0]) - int(headset.pose_t[-1]),
     )
-    if gap <= MAX_SEARCH_S * NS:
+    start = min(int(headset.pose_t[0]), int(truth.pose_t[0]))
+    if gap <= MAX_SEARCH_S * NS or start >= FIRST_DATE_S * NS:
         return None
     return (int(headset.pose_t[0]) - int(truth.pose_t[0])) / NS
 

@@ -30,7 +30,7 @@ LEAST_BLOCKS = 8
 def relative_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     """Models of the relative errors of translation [mm] and rotation [deg], at the eye and the tcp.
 
-    Those over a time of which the take hasn't eight have none.
+    Those over a time of which the take hasn't eight have none. They are of the rmse.
 
     Returns:
         by metric and point; empty where the take has no X.
@@ -49,7 +49,7 @@ def relative_models(take: ScoredTake) -> dict[Key, ErrorModel]:
             error, _ = rpe_poses(truth, estimate, pairs)
             arm = (truth[pairs[0]].inverse() @ truth[pairs[1]]).p
             found[key] = replace(found[key], motion=motion_part(arm, error, bins))
-        models |= found
+        models |= {key: replace(model, centred=True, slow=False) for key, model in found.items()}
     return models
 
 

@@ -39,6 +39,10 @@ class ErrorModel:
         turn: covariance of the alignment's own rotation (3, 3), in the square of the unit. It is
             fitted to positions, turns all rotations of the take alike, and so no resampling of
             them shows it. None for translations, which are fitted themselves.
+        centred: whether what a wrong X adds to the mean square is centred too. Where no alignment
+            takes it up, the take's own X has added one draw of it already.
+        slow: whether the error hardly changes within a bin. The mean error of others isn't told by
+            mean squares, and has no interval.
     """
 
     constant: Floats
@@ -46,6 +50,8 @@ class ErrorModel:
     quadratic: Floats
     motion: Floats
     turn: Floats | None = None
+    centred: bool = False
+    slow: bool = True
 
     def drawn(self, dx: Floats, rng: np.random.Generator) -> Floats:
         """Squares (m, b) with X off by dx (m, 6), and what the alignment's chance adds to them.
@@ -54,7 +60,8 @@ class ErrorModel:
         is centred, and widens the interval without moving it.
         """
         square: Floats = self.constant + dx @ self.linear.T
-        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        added = np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        square += added - added.mean(axis=0) if self.centred else added
         if self.turn is not None:
             turn = rng.multivariate_normal(np.zeros(3), self.turn, size=len(dx), method="eigh")
             square += (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
@@ -155,6 +162,8 @@ def intervals(
             continue
         own = [model[key] for model in models]
         for statistic, wanted in STATISTICS.items():
+            if statistic == "mean" and not all(model.slow for model in own):
+                continue
             series = [
                 Series(wanted(model, model.constant), mount=mount, sitting=sitting)
                 for model, (sitting, mount) in zip(own, places, strict=True)
