@@ -18,7 +18,8 @@ from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.scoring import Rules, Scored, score, unscored_take, with_interval
+from vrbench.rules import Rules
+from vrbench.scoring import Scored, score, unscored_take, with_interval
 from vrbench.statistics.uncertainty import intervals
 from vrbench.variants import variant_rows
 
