@@ -200,7 +200,7 @@ def metrics(rows: Sequence[Row]) -> list[list[str]]:
     """Every metric, its statistics side by side: of all takes where pooled, else of each take.
 
     Returns:
-        the cells of each line: `HEADINGS`, `STATISTICS`, value, samples, status.
+        the cells of each line: `HEADINGS`, value, `STATISTICS`, samples, status.
     """
     pooled = {(r.reference, r.case, r.condition, r.metric) for r in rows if r.repeat == "all"}
     lines: dict[tuple[str, ...], tuple[Row, dict[str, Row]]] = {}
@@ -215,8 +215,8 @@ def metrics(rows: Sequence[Row]) -> list[list[str]]:
             row.case if row.condition == "default" else f"{row.case} {row.condition}",
             "all" if row.repeat == "all" else f"m{row.mount} r{row.repeat}",
             *(row.metric, row.point, row.band, row.segment, row.variant, row.unit),
-            *(number(found[name].value) if name in found else "" for name in STATISTICS),
             number(found["value"].value) if "value" in found else "",
+            *(number(found[name].value) if name in found else "" for name in STATISTICS),
             str(row.samples or ""),
             row.status,
         ]
