@@ -95,3 +95,8 @@ def test_it_has_what_pages_are_made_of(installed: Path) -> None:
         "for name in ('run', 'board', 'home', 'runs')))"
     )
     assert in_it(installed, "python", "-c", code).split() == ["True", "True", "True"]
+
+
+def test_it_has_what_others_published(installed: Path) -> None:
+    code = "from vrbench.results.published import published; print(published()[0].source)"
+    assert "Banaszczyk" in in_it(installed, "python", "-c", code)
