@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import json
 import random
+import struct
 import subprocess
 import sys
 import tempfile
@@ -42,7 +43,7 @@ rank: {metric: ape.translation.aligned, point: eye, statistic: rmse, min_coverag
 def messages(path: Path) -> int:
     """How many messages mcap's own reader finds, up to where the file was cut."""
     count = 0
-    with path.open("rb") as file, contextlib.suppress(EndOfFile):
+    with path.open("rb") as file, contextlib.suppress(EndOfFile, struct.error):
         for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
             count += 1
     return count
