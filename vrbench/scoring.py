@@ -27,7 +27,13 @@ from vrbench.results.bundle import RunRecord, TakeRecord
 from vrbench.results.tables import Member, Row, pool
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.floor import floor_values
-from vrbench.statistics.uncertainty import ErrorModel, Key, error_models, intervals
+from vrbench.statistics.uncertainty import (
+    ErrorModel,
+    Key,
+    error_models,
+    intervals,
+    offset_interval,
+)
 from vrbench.streams import Columns
 
 SUFFICIENT = ("ok", "unbracketed", "extrapolated")
@@ -228,7 +234,17 @@ def _own_rows(rules: Rules, take: TakeRecord, whole: ScoredTake) -> Iterator[Row
     """What needs no X, of the take as a whole."""
     for family in rules.families:
         if "x" not in family.needs:
-            yield from family_rows(rules, take, family, whole, Verdict())
+            for row in family_rows(rules, take, family, whole, Verdict()):
+                yield _with_offset_interval(row, whole)
+
+
+def _with_offset_interval(row: Row, whole: ScoredTake) -> Row:
+    if row.metric != "clock.offset" or row.value is None:
+        return row
+    interval = offset_interval(whole, row.value)
+    if interval is None:
+        return row
+    return replace(row, ci_low=interval.low, ci_high=interval.high, ci_scope=interval.scope)
 
 
 def _pose_rows(
