@@ -85,3 +85,8 @@ def test_it_has_its_suites(installed: Path) -> None:
 
 def test_it_has_its_recordings(installed: Path) -> None:
     assert "banaszczyk2024-quest-2" in in_it(installed, "vrbench", "data", "list")
+
+
+def test_it_has_what_others_published(installed: Path) -> None:
+    code = "from vrbench.results.published import published; print(published()[0].source)"
+    assert "Banaszczyk" in in_it(installed, "python", "-c", code)

@@ -15,7 +15,14 @@ from vrbench.devices.simulated.stage import SimulatedOperator
 from vrbench.errors import ConfigError, VrbenchError
 from vrbench.forecast import check_room, run_bytes
 from vrbench.movers import Mover, RobotMover, lacking, robots_references
-from vrbench.opening import Devices, accuracy_of, is_simulated, nominal_rates, open_rig
+from vrbench.opening import (
+    Devices,
+    accuracy_of,
+    is_simulated,
+    nominal_rates,
+    occlusion_of,
+    open_rig,
+)
 from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
 from vrbench.recording.guard import DiskFullError
@@ -161,6 +168,7 @@ def _record(
         ),
         references=references,
         accuracy=accuracy_of(rig),
+        occlusion=occlusion_of(suite, rig, rig_name, plugins),
         licence=licence,
         consent=consent,
         seed=seed if simulated else None,

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from vrbench.config.suite import Suite
-from vrbench.results.bundle import Bundle, DeviceRecord, RunRecord, TakeRecord
+from vrbench.results.bundle import Bundle, DeviceRecord, OcclusionRecord, RunRecord, TakeRecord
 from vrbench.results.phases import PhaseRow, write_phases
 from vrbench.results.tables import Row, pool, write_rows
 from vrbench.statistics.bootstrap import scope_of
 
 PROTOCOL = "vrbench-1"
-PHASES = 60
+PHASES = 116
 SUITE = {
     "suite": "made-up",
     "version": 1,
@@ -49,14 +49,17 @@ def made_up(
     kind: str = "recorded",
     suite: Mapping[str, Any] = SUITE,
     created: str = "2026-01-01T00:00:00+00:00",
+    occlusion: OcclusionRecord | None = None,
     filler: int = 0,
+    all_phases: bool = False,
     **facts: str,
 ) -> Path:
     """A bundle of a device whose true error is `error` [mm], by condition where it is a mapping.
 
     Args:
         mount_scatter: standard deviation of the mounts' true errors, as a share.
-        filler: further metric rows, for tables as long as true ones.
+        filler: further metric rows of each take, for tables as long as true ones,
+        all_phases: and further errors by phase.
         facts: of the device: firmware, logger ...
     """
     resolved = Suite.model_validate(suite)
@@ -112,11 +115,17 @@ def made_up(
                         )
                         for k in range(PHASES)
                     )
+                if all_phases:
+                    more = [p for p in phases if (p.mount, p.repeat) == (mount, repeat)]
+                    phases += [replace(p, metric="ape.rotation.aligned") for p in more]
+                    phases += [replace(p, case="calibrate") for p in more]
                 rows.append(row(take, "coverage.valid", "value", coverage, unit="%"))
                 rows.append(row(take, "coverage.epochs", "count", float(epochs), unit="count"))
                 rows += [row(take, f"filler.{i}", "value", 1.0) for i in range(filler)]
     for condition in errors:
         rows += _pooled(rows, [t for t in takes if t.condition == condition], sitting)
+    if resolved.baseline is not None:
+        rows += _changes(rows, resolved.baseline)
     record = RunRecord(
         status="complete",
         kind=kind,  # type: ignore[arg-type]
@@ -127,6 +136,7 @@ def made_up(
         sitting=sitting,
         device=DeviceRecord(headset=device, **facts),
         references=["robot"],
+        occlusion=occlusion,
         versions={"vrbench": "0"},
         takes=takes,
     )
@@ -147,3 +157,24 @@ def _pooled(rows: Sequence[Row], takes: Sequence[TakeRecord], sitting: str) -> l
         else row
         for row in pool(mine, ("mount", "repeat"), members)
     ]
+
+
+def _changes(rows: Sequence[Row], baseline: str) -> list[Row]:
+    """By how much the pooled rmse of each condition is above that of the baseline."""
+    pooled = [row for row in rows if (row.mount, row.statistic) == ("all", "rmse")]
+    before = {row.point: row.value for row in pooled if row.condition == baseline}
+    changes = []
+    for row in pooled:
+        first, second = row.value, before[row.point]
+        if row.condition != baseline and first is not None and second is not None:
+            change, width = first - second, 0.1 * first
+            changes.append(
+                replace(
+                    row,
+                    variant="vs-baseline",
+                    value=change,
+                    ci_low=change - width,
+                    ci_high=change + width,
+                )
+            )
+    return changes

@@ -41,11 +41,15 @@ class Drift:
         clock: from the second signal's clock to the first's.
         skew: mean growth of the offset within the stretches [s/s].
         residual_s: root mean square of the local offsets about the clock [s], or None.
+        local_t: middles (k,) [ns] of the windows, on the second's clock.
+        local_ns: their local offsets (k,) [ns].
     """
 
     clock: ClockMap
     skew: float
     residual_s: float | None
+    local_t: Ints
+    local_ns: Floats
 
 
 def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[float]) -> Drift:
@@ -59,10 +63,12 @@ def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[fl
     """
     knots: list[Ints] = []
     offsets: list[Floats] = []
+    windows: list[tuple[Ints, Floats]] = []
     errors: list[Floats] = []
     skews: list[tuple[float, float]] = []
     for stretch, seed_ns in zip(stretches, seeds_ns, strict=True):
         t, local = local_offsets(first, stretch.signal, seed_ns)
+        windows.append((t, local))
         span_s = (stretch.end_ns - stretch.start_ns) / NS
         ends = np.array([stretch.start_ns, stretch.end_ns], dtype=np.int64)
         if span_s < LONG_TAKE_S:
@@ -79,7 +85,13 @@ def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[fl
     weights = np.array([span for _, span in skews])
     skew = float(np.array([value for value, _ in skews]) @ weights / weights.sum())
     clock = ClockMap(np.concatenate(knots), np.concatenate(offsets))
-    return Drift(clock, skew, None if residual is None else residual / NS)
+    return Drift(
+        clock=clock,
+        skew=skew,
+        residual_s=None if residual is None else residual / NS,
+        local_t=np.concatenate([t for t, _ in windows]),
+        local_ns=np.concatenate([local for _, local in windows]),
+    )
 
 
 def local_offsets(first: Signal, second: Signal, seed_ns: float) -> tuple[Ints, Floats]:
