@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from vrbench.capture import Person, PersonMover, SimulatedPerson, persons_references
+from vrbench.config.case import UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import as_yaml
@@ -115,7 +116,7 @@ def record_suite(
             check_room(folder, run_bytes(suite, todo, nominal_rates(rig, rig_name, plugins)))
             devices = open_rig(rig, rig_name, plugins, seed, stack)
             _carry_on_from(bundle, devices, mount)
-            mover = _mover(suite, devices, operator, person, permission, mount)
+            mover = _mover(suite, devices, operator, person, permission, mount, resume=resume)
             mover.begin()
         if not resume:
             stack.enter_context(locked(folder))
@@ -216,6 +217,8 @@ def _mover(
     person: Person | None,
     permission: Permission | None,
     mount: int,
+    *,
+    resume: bool,
 ) -> Mover:
     """Who moves the headset; a simulated rig has its own operator and its own person."""
     session = devices.session
@@ -227,4 +230,10 @@ def _mover(
     hand = operator if session.stage is None else SimulatedOperator(session.stage, session.host)
     if hand is None:
         raise ConfigError("a real rig needs an operator")
-    return RobotMover(suite, devices.robot, session, devices.profile, hand, permission, mount=mount)
+    # who goes on with a run can't know what is covered: the operator is asked
+    known = None if resume and suite.conditions else UNCOVERED
+    return RobotMover(
+        *(suite, devices.robot, session, devices.profile, hand, permission),
+        mount=mount,
+        level=known,
+    )
