@@ -18,6 +18,7 @@ from vrbench.movers import Mover, RobotMover, lacking, robots_references
 from vrbench.opening import Devices, accuracy_of, is_simulated, nominal_rates, open_rig
 from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
+from vrbench.plugin.report import newest
 from vrbench.recording.guard import DiskFullError
 from vrbench.results.bundle import (
     Bundle,
@@ -95,6 +96,9 @@ def record_suite(
         "suite.yaml": as_yaml(suite.canonical()),
         "rig.yaml": as_yaml(rig.model_dump(mode="json")),
     }
+    reports = newest(rig.things)
+    if reports is not None:
+        inputs["conformance.json"] = reports
     steps = list(suite.schedule())
     todo, mount, bundle = steps, 1, Bundle(folder, record)
     with ExitStack() as stack:

@@ -124,6 +124,15 @@ class Rig(_Strict):
     mounting: Mounting = Mounting()
     environment: dict[str, Any] = {}
 
+    @property
+    def things(self) -> list[tuple[str, str]]:
+        """Kind and name of all that plugins bring to it, model and route of the headset apart."""
+        headset = self.headset
+        named = [("headset", headset.model), ("headset", headset.plugin)]
+        named += [("robot", self.robot.plugin)] if self.robot else []
+        named += [("mocap", self.mocap.plugin)] if self.mocap else []
+        return list(dict.fromkeys(named))
+
 
 # The white noise of its simulated encoders is all that it is off by.
 SIMULATED_ACCURACY = Accuracy(value=1e-5, source="simulated")
