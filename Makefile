@@ -18,7 +18,7 @@ demo: $(VENV)/demo
 	$(BIN)/vrbench run gameplay-replay --rig sim:quest-2 -o $(RUNS)/quest-2
 	$(BIN)/vrbench run gameplay-replay --rig sim:quest-pro -o $(RUNS)/quest-pro
 	$(BIN)/vrbench leaderboard $(RUNS)/quest-2 $(RUNS)/quest-pro
-	@echo "The bundles are $(RUNS)/quest-2 and $(RUNS)/quest-pro: takes, calibration, metrics."
+	@echo "The bundles are $(RUNS)/quest-2 and $(RUNS)/quest-pro: takes, metrics, report.html."
 
 test: $(VENV)/test
 	$(BIN)/python -m pytest --numprocesses=auto
@@ -42,10 +42,10 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/demo: $(MANIFESTS) | $(BIN)/python
-	$(PIP) --editable . --editable ./plugins/headsets/quest
+	$(PIP) --editable '.[report]' --editable ./plugins/headsets/quest
 	@touch $@
 
 $(VENV)/test: $(MANIFESTS) | $(BIN)/python
-	$(PIP) --editable '.[c3d,evo,lint,test]' $(EDITABLE)
+	$(PIP) --editable '.[c3d,evo,lint,parquet,report,test]' $(EDITABLE)
 	-$(PIP) $(WITNESSES)
 	@touch $@ $(VENV)/demo

@@ -96,6 +96,14 @@ def test_a_part_of_the_take_and_the_body_can_be_had(capture, tmp_path):
     assert np.linalg.norm(motion.trajectory.pose.p - want.p, axis=1).max() < 1e-4
 
 
+@pytest.mark.parametrize(("option", "value"), [("--start", -1), ("--rate", 0), ("--rate", 1e9)])
+def test_what_no_motion_has_is_refused(capture, tmp_path, option, value):
+    _, run, _ = capture
+    ran = run_extract(run.folder, "--name", "x", option, value, "-o", tmp_path / "x.tum")
+    assert ran.exit_code == 2
+    assert f"Invalid value for '{option}'" in ran.output
+
+
 @pytest.mark.parametrize("missing", ["licence", "consent"])
 def test_a_persons_motion_without_permission_is_refused(capture, missing):
     folder, run, _ = capture

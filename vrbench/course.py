@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -99,6 +99,7 @@ class Course:
         self._case, self._plan, self._opening = case, plan, opening
         self._robot, self._host, self._hands = robot, host, hands
         self._occlusion, self._diary = occlusion, diary
+        self._gap_ns = 0
         self._recentres = sorted(cue.at for cue in case.events if cue.at is not None)
 
     def run(self) -> Generator[float]:
@@ -112,11 +113,11 @@ class Course:
         begin, longest, runs = host.now(), 0, 0
         yield from self._by_hand(0, 0.0)
         while True:
-            since = host.now()
             if runs:
-                yield from self._back(self._done(runs, since - begin))
+                yield from self._back(self._done(runs, host.now() - begin))
+            since = host.now()
             runs += 1
-            with diary.stretch("loop", number=runs):
+            with diary.stretch("loop", number=runs) if case.looped else nullcontext():
                 for part in self._robot.execute(self._plan):
                     self._recentre(host.now() - begin)
                     yield self._done(runs - 1 + part, host.now() - begin)
@@ -127,7 +128,8 @@ class Course:
             longest = max(longest, host.now() - since)
             if case.duration is None and runs >= case.loops:
                 return
-            if case.duration is not None and host.now() - begin + longest > case.duration * NS:
+            another = host.now() - begin + self._gap_ns + longest
+            if case.duration is not None and another > case.duration * NS:
                 return
 
     def _done(self, runs: float, elapsed_ns: int) -> float:
@@ -137,9 +139,11 @@ class Course:
 
     def _back(self, done: float) -> Generator[float]:
         """Back to where the motion begins: a gap in what is scored."""
+        since = self._host.now()
         with self._diary.stretch("gap"):
             for _ in self._robot.prepare(self._plan):
                 yield done
+        self._gap_ns = max(self._gap_ns, self._host.now() - since)
 
     def _rest(self, seconds: float, done: float) -> Generator[float]:
         """The robot stands still; sources are read meanwhile."""

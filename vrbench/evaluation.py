@@ -17,6 +17,8 @@ from vrbench.protocols.protocol import Protocol
 from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
+from vrbench.results.plot_curves import take_curves
+from vrbench.results.plot_data import TakeCurves, bins_for, curves_file, write_curves
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
 from vrbench.scoring import Rules, Scored, score, unscored_take, with_interval
 from vrbench.statistics.uncertainty import intervals
@@ -29,7 +31,7 @@ Tell = Callable[[str, int, int], None]
 def evaluate(
     bundle: Bundle, families: Sequence[Family], protocol: Protocol, tell: Tell
 ) -> list[Row]:
-    """Scores a run; writes its metric table, its errors by phase, and `calibration.json`.
+    """Scores a run; writes its metric table, its errors by phase, curves and `calibration.json`.
 
     Args:
         bundle: a complete run.
@@ -46,8 +48,9 @@ def evaluate(
     suite = bundle.record.resolved_suite()
     rows: list[Row] = []
     phases: list[PhaseRow] = []
+    curves: list[TakeCurves] = []
     found: dict[str, list[Calibration]] = {}
-    done = 0
+    done, total = 0, len(bundle.record.takes) * len(bundle.record.references)
     for reference in bundle.record.references:
         rules = Rules(bundle.record, suite, families, protocol, reference)
         calibrations = {
@@ -57,7 +60,7 @@ def evaluate(
         found[reference] = [c for good, *_ in calibrations.values() for c in good.values()]
         groups: dict[tuple[str, str], list[Scored]] = defaultdict(list)
         for take in bundle.record.takes:
-            tell(take.name, done, len(bundle.record.takes) * len(bundle.record.references))
+            tell(take.name, done, total)
             done += 1
             if take.status != "ok":
                 failed = unscored_take(rules, take, Verdict(take.status, take.reason))
@@ -74,6 +77,10 @@ def evaluate(
             scored = replace(scored, rows=[*scored.rows, *variants, *loops, *both])
             rows += scored.rows
             phases += phase_rows(take, scored.whole, own.reference)
+            if scored.whole is not None:
+                curves.append(
+                    take_curves(take, scored.whole, scored.parts, own.reference, bins_for(total))
+                )
             groups[take.case, take.condition].append(scored)
         for group in groups.values():
             rows += _rows_of_repeats(rules, group)
@@ -82,7 +89,8 @@ def evaluate(
     table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
     write_rows(rows, bundle.folder / table)
     write_phases(phases, bundle.folder / by_phase)
-    bundle.enter(table, by_phase)
+    write_curves(curves, protocol.name, bundle.folder / curves_file(protocol.name))
+    bundle.enter(table, by_phase, curves_file(protocol.name))
     if protocol.calibrate is not None:
         write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
         bundle.enter(CALIBRATIONS)

@@ -154,9 +154,14 @@ def _import_take(
 ) -> None:
     poses: dict[str, Samples] = {}
     repairs: list[str] = []
+    bodies: list[dict[str, object]] = []
     for name, source in take.sources.items():
         imported = _read(source, recordings, path, plugins, f"{where}.{name}")
-        poses[TAKE_STREAMS.get(name, f"{name}/tcp")] = imported.samples
+        stream = TAKE_STREAMS.get(name, f"{name}/tcp")
+        poses[stream] = imported.samples
+        if imported.markers is not None:
+            markers = (imported.markers * 1e3).round(3).tolist()
+            bodies.append({"stream": stream, "markers_mm": markers})
         repairs += [f"{name}: {repair}" for repair in imported.repairs]
     motion = take.motion or UNSTATED
     record = TakeRecord(
@@ -185,6 +190,7 @@ def _import_take(
     headset = TAKE_STREAMS["headset"]
     begin = int(poses[headset if headset in poses else next(iter(poses))].receive_t[0])
     events = [Event(begin, "repair", {"what": repair}) for repair in repairs]
+    events += [Event(begin, "body", body) for body in bodies]
     take_path = bundle.take_path(_name_of(take))
     with TakeWriter(take_path, metadata) as writer:
         writer.write(Columns(poses, events=events))

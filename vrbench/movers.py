@@ -108,7 +108,8 @@ class RobotMover:
             for _ in way:
                 interrupt.check()
         diary = Diary(session.host)
-        diary.before("occlusion", **told(self._occlusion(case.occlude)))
+        if case.occlude != UNCOVERED:
+            diary.before("occlusion", **told(self._occlusion(case.occlude)))
         course = Course(
             *(case, plan, opening),
             robot=self._robot,

@@ -27,7 +27,13 @@ from vrbench.results.bundle import RunRecord, TakeRecord
 from vrbench.results.tables import Member, Row, pool
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.floor import floor_values
-from vrbench.statistics.uncertainty import ErrorModel, Key, error_models, intervals
+from vrbench.statistics.uncertainty import (
+    ErrorModel,
+    Key,
+    error_models,
+    intervals,
+    offset_interval,
+)
 from vrbench.streams import Columns
 
 SUFFICIENT = ("ok", "unbracketed", "extrapolated")
@@ -105,6 +111,7 @@ class Scored:
         rows: its rows.
         verdict: how it counts; `failed` where it could not be scored.
         whole: the take made ready, for what only several takes tell together; None if it failed.
+        parts: the same by epoch, `all` where there is one; those that could be made ready.
         models: of its errors, by metric and point; empty where it has no X or several epochs.
         x_covariance: of the X it was scored with.
     """
@@ -113,6 +120,7 @@ class Scored:
     rows: Sequence[Row]
     verdict: Verdict
     whole: ScoredTake | None = None
+    parts: Mapping[str, ScoredTake] = field(default_factory=dict)
     models: Mapping[Key, ErrorModel] = field(default_factory=dict)
     x_covariance: Floats | None = None
 
@@ -136,15 +144,11 @@ def score(
     """
     own = calibrations.get(take.name)
     try:
-        began, ended = recorded_span(columns, rules.reference)
-        bracket_m = rules.suite.gate.bracket
-        fixing = fixing_at(list(calibrations.values()), rules.checks, began, bracket_m)
-        fixing = fixing.without(take.name)
-        x, covariance = _mounting(rules, columns, fixing.best)
-        whole, parts = _prepared(rules, take, columns, x, covariance)
+        ready = prepared(rules, take, columns, calibrations)
     except (EstimationError, DataError) as error:
         return unscored_take(rules, take, Verdict("failed", str(error)))
-    verdict = _verdict(rules, take, (began, ended), whole, fixing, own, failures)
+    whole, parts, covariance = ready.whole, ready.parts, ready.x_covariance
+    verdict = _verdict(rules, take, ready.span, whole, ready.fixing, own, failures)
     rows = list(_own_rows(rules, take, whole))
     models: Mapping[Key, ErrorModel] = {}
     for segment, part in parts.items():
@@ -163,13 +167,55 @@ def score(
         }
         rows += pool(rows, ("segment",), why)
         models = {}
-    return Scored(take, rows, verdict, whole, models, covariance)
+    return Scored(take, rows, verdict, whole, ready.ready, models, covariance)
 
 
 def unscored_take(rules: Rules, take: TakeRecord, verdict: Verdict) -> Scored:
     """A take without numbers: each of its rows says why."""
     rows = [rules.row(take, value, verdict) for value in absent_values(rules.families)]
     return Scored(take, rows, verdict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """A take as it is scored.
+
+    Attributes:
+        whole: the take as a whole,
+        parts: and by epoch, `all` where there is one: ready, or why it isn't.
+        x_covariance: of the X it is scored with.
+        span: when it was recorded, first and last, by the recorder's clock [ns].
+        fixing: what X is taken from.
+    """
+
+    whole: ScoredTake
+    parts: Mapping[str, ScoredTake | str]
+    x_covariance: Floats | None
+    span: tuple[int, int]
+    fixing: Fixing
+
+    @property
+    def ready(self) -> dict[str, ScoredTake]:
+        """The parts that could be made ready."""
+        return {name: part for name, part in self.parts.items() if isinstance(part, ScoredTake)}
+
+
+def prepared(
+    rules: Rules, take: TakeRecord, columns: Columns, calibrations: Mapping[str, Calibration]
+) -> Prepared:
+    """A take made ready with what the others of its mount found.
+
+    Raises:
+        EstimationError: the streams can't be synchronised.
+        DataError: a stream is missing.
+    """
+    span = recorded_span(columns, rules.reference)
+    bracket_m = rules.suite.gate.bracket
+    fixing = fixing_at(list(calibrations.values()), rules.checks, span[0], bracket_m)
+    fixing = fixing.without(take.name)
+    x, covariance = _mounting(rules, columns, fixing.best)
+    whole, parts = _prepared(rules, take, columns, x, covariance)
+    return Prepared(whole, parts, covariance, span, fixing)
 
 
 def _mounting(
@@ -228,7 +274,17 @@ def _own_rows(rules: Rules, take: TakeRecord, whole: ScoredTake) -> Iterator[Row
     """What needs no X, of the take as a whole."""
     for family in rules.families:
         if "x" not in family.needs:
-            yield from family_rows(rules, take, family, whole, Verdict())
+            for row in family_rows(rules, take, family, whole, Verdict()):
+                yield _with_offset_interval(row, whole)
+
+
+def _with_offset_interval(row: Row, whole: ScoredTake) -> Row:
+    if row.metric != "clock.offset" or row.value is None:
+        return row
+    interval = offset_interval(whole, row.value)
+    if interval is None:
+        return row
+    return replace(row, ci_low=interval.low, ci_high=interval.high, ci_scope=interval.scope)
 
 
 def _pose_rows(

@@ -227,6 +227,11 @@ def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
 
 
 def write_tum(trajectory: Trajectory, path: Path) -> None:
+    """A file of TUM text."""
+    path.write_text(tum_text(trajectory), encoding="utf-8")
+
+
+def tum_text(trajectory: Trajectory) -> str:
     """TUM text: stamps with nine decimals, exact; values to the last digit."""
     lines = (
         f"{'-' * (t < 0)}{abs(t) // NS}.{abs(t) % NS:09d} " + " ".join(map(repr, (*p, *q)))
@@ -237,4 +242,4 @@ def write_tum(trajectory: Trajectory, path: Path) -> None:
             strict=True,
         )
     )
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"

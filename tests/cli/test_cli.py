@@ -40,6 +40,8 @@ def test_help_teaches_every_verb(tmp_path: Path) -> None:
         "import",
         "evaluate",
         "leaderboard",
+        "report",
+        "export",
         "plugin",
         "suite",
         "data",
@@ -55,6 +57,8 @@ def test_a_suite_is_run_scored_and_ranked(tmp_path: Path, short_suite_path: Path
     assert done.returncode == 0, done.stderr
     assert "Metrics" in done.stdout
     assert "run: mine" in done.stdout
+    assert "report: mine/report.html" in done.stdout
+    assert (tmp_path / "mine" / "report.html").is_file()
     assert (tmp_path / "mine" / "metrics" / "vrbench-1.csv").is_file()
     board = vrbench("leaderboard", "mine", cwd=tmp_path)
     assert board.returncode == 0

@@ -280,6 +280,12 @@ def test_no_two_takes_have_one_name(load):
     [
         ("calibration", "b9c14c12414b2a5d9c4712eb70f3bb0a58609da4a630ff180b965ab61dd25789"),
         ("gameplay-replay", "e1e646fd134813a487be43b5052cb71fc4f34d32e91b179758b83dbf75f03fe2"),
+        ("head-capture", "24fe60cef9987864e08180c7edf926a2d5b3bc58a3b61d9fea491e064e6d61d5"),
+        ("long-loop", "7b121ffb3ded730895d3fa7ed35ccfcca7262921b199ecee4774b136b69db37d"),
+        ("occluded-cameras", "3dbb70aeeb68c3d59f0d2f92eaf4cad6d9cfa3e00eb9f28c833aa0e4e952b84f"),
+        ("relocalisation", "cf162e6ccaef796678b36d3d00cefdfd44df87b5fc388324f4be9d67b1eaf62d"),
+        ("speed-sweep", "a4406d29fc4f9f2d9abbea5341434519220d5e87c4c7ca06cb5ddce2bb915e50"),
+        ("static-jitter", "c46e5a144d43c0f014ab9f910f4b79e59a5a1d5ef4406f0f54e9d6addaf62729"),
     ],
 )
 def test_a_released_suite_never_changes(name, digest):

@@ -170,3 +170,17 @@ def test_times_that_are_none_are_taken_as_none():
     rows[:, 0], rows[:, 1], rows[:, 2] = 10.0, [np.inf, 12.0], 11.0
     frames = Frames(rows, np.zeros(2, np.int64), 0, 0)
     assert frames.refers.tolist() == [10 * MS, 12 * MS]
+
+
+@pytest.mark.parametrize("step_ms", [-2, 1, 2])
+def test_a_step_too_small_to_be_told_is_bounded_by_the_round_trip(headset, step_ms):
+    def step():
+        headset.ahead_ms += step_ms
+
+    columns = headset.record(step, lambda: headset.play(15.0))
+    samples = columns.poses["headset/eye"]
+    assert samples.good.all()
+    wrong = np.abs(samples.pose_t - samples.receive_t) / MS
+    assert wrong.max() < abs(step_ms) + 0.1
+    # half of the round trip of 1 ms, once the bounds of before are forgotten
+    assert wrong[-100:].max() < 0.55

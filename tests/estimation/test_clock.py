@@ -227,6 +227,22 @@ def test_a_step_nobody_told_of_is_refused(truth):
         estimate_clock(head.reference(240.0), Trajectory(t, estimate.pose))
 
 
+@pytest.mark.parametrize("step_s", [0.05, -0.1])
+def test_a_step_nobody_told_of_in_a_long_take_is_named(truth, step_s):
+    head = truth(17)
+    estimate = head.estimate(700.0, 60.0, noise=NOISE, skew=20e-6)
+    half = len(estimate) // 2
+    t = estimate.t + np.where(np.arange(len(estimate)) < half, 0, int(step_s * NS))
+    t, first = np.unique(t, return_index=True)
+    stepped = Trajectory(t, estimate.pose[first])
+    with pytest.raises(EstimationError, match=r"clock jumps by .* was set") as told:
+        estimate_clock(head.reference(700.0), stepped)
+    jump_ms = float(str(told.value).split("jumps by ")[1].split(" ms")[0])
+    assert jump_ms == pytest.approx(1e3 * step_s, abs=8.0)
+    near_s = float(str(told.value).split(" near ")[1].split(" s")[0])
+    assert abs(near_s - estimate.t[half] / NS) < 60.0
+
+
 def test_a_stretch_too_short_for_a_clock_is_named(truth):
     head = truth(18)
     estimate = head.estimate(60.0, noise=NOISE)

@@ -128,3 +128,46 @@ def test_resampling_keeps_the_movement_and_refuses_gaps():
     gap = MOVED[np.r_[0:50, 80:200]]
     with pytest.raises(DataError, match=r"1 gaps, the first of 0\.31 s after 0\.49 s"):
         resampled(gap, 72.0, max_gap_s=0.05)
+
+
+# other frames and units
+
+
+def scaled(path, *, metres: float = 1.0, seconds: float = 1.0, w_first: bool = False):
+    """A motion file whose numbers are in other units."""
+    from vrbench.trajectory import read_tum
+
+    made = generate("saturate-30s-1")
+    header = Header(motion="odd", version=1, up="y", rate_hz=120.0, source="generated")
+    write_motion(path, header, made.trajectory)
+    head = [line for line in path.read_text().splitlines() if line.startswith("#")]
+    rows = read_tum(path)
+    lines = []
+    for t, p, q in zip(rows.t / 1e9 * seconds, rows.pose.p * metres, rows.pose.q, strict=True):
+        lines.append(" ".join(map(str, (t, *p, *((q[3], *q[:3]) if w_first else q)))))
+    path.write_text("\n".join([*head, *lines]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"metres": 1e3}, r"no head's motion .*positions are in m; these look like mm"),
+        ({"metres": 1e2}, r"no head's motion .*these look like cm"),
+        ({"seconds": 1e3}, r"rate_hz: its rows have 0\.12 Hz.*stamps look like ms; they are in s"),
+        ({"seconds": 1e6}, "stamps look like us"),
+        ({"w_first": True}, r"first quaternion is 1 0 0 0.*the order is qx qy qz qw"),
+    ],
+)
+def test_another_unit_or_order_is_told(tmp_path, wrong, says):
+    with pytest.raises(DataError, match=says):
+        read_motion(scaled(tmp_path / "odd.tum", **wrong))
+
+
+def test_poses_in_a_room_are_told(tmp_path):
+    path = scaled(tmp_path / "odd.tum")
+    head = [line for line in path.read_text().splitlines() if line.startswith("#")]
+    rows = [f"{k / 120} {0.4 + k * 1e-4} 1.6 -0.3 0 0 0 1" for k in range(240)]
+    path.write_text("\n".join([*head, *rows]) + "\n")
+    with pytest.raises(DataError, match=r"isn't the identity: 1\.68 m .*not in a room or world"):
+        read_motion(path)

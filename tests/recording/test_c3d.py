@@ -50,6 +50,9 @@ def test_the_body_is_fitted_to_its_markers(write, unit, scale):
     imported = read(write(unit=unit, scale=scale))
     samples = imported.samples
     assert len(samples) == N
+    apart = np.linalg.norm(imported.markers[:, None] - imported.markers, axis=2)
+    true = np.linalg.norm(SHAPE[:, None] - SHAPE, axis=2)
+    np.testing.assert_allclose(apart, true, atol=1e-5)
     constant = POSE.inverse() @ samples.pose
     assert np.ptp(constant.p, axis=0).max() < 1e-5
     assert relative_angle(constant.q, constant.q[0]).max() < 1e-4

@@ -17,7 +17,7 @@ from vrbench.results.tables import Row, pool, write_rows
 from vrbench.statistics.bootstrap import scope_of
 
 PROTOCOL = "vrbench-1"
-PHASES = 60
+PHASES = 116
 SUITE = {
     "suite": "made-up",
     "version": 1,
@@ -50,13 +50,15 @@ def made_up(
     suite: Mapping[str, Any] = SUITE,
     created: str = "2026-01-01T00:00:00+00:00",
     filler: int = 0,
+    all_phases: bool = False,
     **facts: str,
 ) -> Path:
     """A bundle of a device whose true error is `error` [mm], by condition where it is a mapping.
 
     Args:
         mount_scatter: standard deviation of the mounts' true errors, as a share.
-        filler: further metric rows, for tables as long as true ones.
+        filler: further metric rows of each take, for tables as long as true ones,
+        all_phases: and further errors by phase.
         facts: of the device: firmware, logger ...
     """
     resolved = Suite.model_validate(suite)
@@ -112,6 +114,10 @@ def made_up(
                         )
                         for k in range(PHASES)
                     )
+                if all_phases:
+                    more = [p for p in phases if (p.mount, p.repeat) == (mount, repeat)]
+                    phases += [replace(p, metric="ape.rotation.aligned") for p in more]
+                    phases += [replace(p, case="calibrate") for p in more]
                 rows.append(row(take, "coverage.valid", "value", coverage, unit="%"))
                 rows.append(row(take, "coverage.epochs", "count", float(epochs), unit="count"))
                 rows += [row(take, f"filler.{i}", "value", 1.0) for i in range(filler)]

@@ -42,6 +42,21 @@ def test_rows_come_back(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "metrics" / "a.csv") == rows
 
 
+def test_rows_without_quotes_come_back_too(tmp_path: Path) -> None:
+    rows = [ROW, replace(ROW, value=None, status="skipped", reason="there is none", samples=0)]
+    write_rows(rows, tmp_path / "a.csv")
+    assert '"' not in (tmp_path / "a.csv").read_text()
+    assert read_rows(tmp_path / "a.csv") == rows
+
+
+def test_a_row_of_another_length_is_told_with_its_number(tmp_path: Path) -> None:
+    write_rows([ROW, ROW], tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text()
+    (tmp_path / "a.csv").write_text(text.rstrip("\n") + ",more\n")
+    with pytest.raises(DataError, match="row 3 has 24 cells"):
+        read_rows(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_a_number_that_is_none_is_never_written(tmp_path: Path, value: float) -> None:
     with pytest.raises(ValueError, match="rmse is"):

@@ -1,18 +1,28 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from vrbench.statistics.uncertainty import ErrorModel
+from vrbench.clocks import ClockMap
+from vrbench.geometry import Transform, rotvec_to_quat
+from vrbench.metrics.scored import ScoredTake
+from vrbench.statistics.uncertainty import ErrorModel, error_models, intervals, offset_interval
+from vrbench.streams import Columns, Samples
+from vrbench.trajectory import NS, Trajectory
+
+KEY = ("ape.translation.aligned", "eye")
 
 
 def model(turn: np.ndarray | None) -> ErrorModel:
     """An error of 0.1 in each of 50 bins, whatever X is."""
-    return ErrorModel(np.full(50, 0.01), np.zeros((50, 6)), np.zeros((50, 6, 6)), turn)
+    flat = np.full(50, 0.01)
+    return ErrorModel(flat, np.zeros((50, 6)), np.zeros((50, 6, 6)), 0.0 * flat, turn)
 
 
 def test_the_chance_of_an_alignment_widens_and_does_not_move():
     rng = np.random.default_rng(0)
     turn = 0.03**2 * np.eye(3)
-    drawn = model(turn).drawn(np.zeros((20_000, 6)), rng) ** 2
+    drawn = model(turn).drawn(np.zeros((20_000, 6)), rng)
     assert drawn.mean() == pytest.approx(0.01, rel=0.01)
     # the square of a normal vector of three components: variance 6 sigma^4
     assert drawn[:, 0].std() == pytest.approx(np.sqrt(6.0) * 0.03**2, rel=0.05)
@@ -20,4 +30,58 @@ def test_the_chance_of_an_alignment_widens_and_does_not_move():
 
 def test_an_error_that_is_aligned_itself_is_taken_as_it_is():
     drawn = model(None).drawn(np.zeros((3, 6)), np.random.default_rng(0))
-    assert np.array_equal(drawn, model(None).errors(np.zeros((3, 6))))
+    assert np.array_equal(drawn, np.full((3, 50), 0.01))
+
+
+def scored(seed: int, scale: float, noise_m: float, offset_sigma_s: float | None = None):
+    """A take of 100 s whose motion is large at times, with white noise and an error of scale."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 100 * NS, NS // 30)
+    s = t / NS
+    size = 0.2 * np.abs(np.sin(0.11 * s))
+    p = size[:, None] * np.stack([np.sin(1.3 * s), np.cos(0.9 * s), np.sin(0.5 * s)], 1)
+    q = rotvec_to_quat(0.3 * np.stack([np.sin(s), np.cos(0.7 * s), np.sin(0.4 * s)], 1))
+    truth = Transform(p, q)
+    eye = Transform(scale * p + rng.normal(0.0, noise_m, p.shape), q)
+    return ScoredTake(
+        columns=Columns({}),
+        reference=Trajectory(t, truth),
+        samples=Samples.of(t, eye),
+        estimate=Trajectory(t, eye),
+        truth=truth,
+        clock=ClockMap.affine(0, 0.25),
+        x=Transform.identity(),
+        offset_sigma_s=offset_sigma_s,
+    )
+
+
+def rmse_interval(model: ErrorModel):
+    found = intervals([{KEY: model}], [None], [("s", "m")], np.random.default_rng(1))
+    return found[*KEY, "rmse"]
+
+
+def width(model: ErrorModel) -> float:
+    interval = rmse_interval(model)
+    return interval.high - interval.low
+
+
+def test_an_error_of_scale_alone_is_no_chance_of_the_take():
+    """The same motion has it again: quiet stretches don't make its rmse uncertain."""
+    found = error_models(scored(0, 1.01, 1e-6))[KEY]
+    assert width(found) < 0.01 * np.sqrt(found.constant.mean())
+
+
+def test_intervals_of_rmse_hold_beside_an_error_of_scale():
+    found = [error_models(scored(seed, 1.01, 2e-3))[KEY] for seed in range(16)]
+    true = np.sqrt(np.mean([one.constant.mean() for one in found]))
+    ends = [rmse_interval(one) for one in found]
+    assert np.mean([end.low <= true <= end.high for end in ends]) >= 0.8
+    # with what the motion does counted as chance too, they are twice as wide
+    assert width(found[0]) < 0.7 * width(replace(found[0], motion=0.0 * found[0].motion))
+
+
+def test_the_offset_has_an_interval_where_it_was_fitted():
+    interval = offset_interval(scored(0, 1.0, 1e-3, offset_sigma_s=1e-4), 250.0)
+    assert (interval.low, interval.high) == pytest.approx((249.804, 250.196), abs=1e-3)
+    assert interval.scope == "take"
+    assert offset_interval(scored(0, 1.0, 1e-3), 250.0) is None

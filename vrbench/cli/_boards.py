@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
-from vrbench.cli._tables import console, number_text, show_table
+from vrbench.cli._tables import console, show_table
 from vrbench.results.board import Board, Entry, notes
+from vrbench.results.board_formats import significant
+from vrbench.results.comparison import Comparison
 
 # From this width on there is room for all columns.
 WIDE = 120
@@ -18,7 +21,7 @@ def show_boards(boards: Sequence[Board]) -> None:
     wide = console().width >= WIDE
     for board in boards:
         header = ["rank ", "device", "lab", f"{board.unit} ", "95 % ", "floor "]
-        header += ["takes ", "valid % "]
+        header += ["takes ", "valid "]
         if wide:
             header[2:2] = ["firmware", "logger", "prediction"]
             header += ["epochs ", "status"]
@@ -42,13 +45,13 @@ def _subtitle(board: Board) -> str:
 def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
     cells = [
         entry.places,
-        entry.device,
+        entry.name,
         entry.lab,
-        number_text(entry.value),
-        "" if entry.low is None else f"{number_text(entry.low)}-{number_text(entry.high)}",
-        number_text(entry.floor),
-        f"{entry.takes}/{entry.mounts}/{entry.sittings}",
-        number_text(entry.coverage),
+        significant(entry.value),
+        "" if entry.low is None else f"{significant(entry.low, 3)}-{significant(entry.high, 3)}",
+        significant(entry.floor, 3),
+        f"{entry.takes}/{entry.mounts}/{entry.sittings}" if entry.takes else "",
+        significant(entry.coverage, 3),
     ]
     if wide:
         logger = entry.logger
@@ -59,3 +62,28 @@ def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
     if change:
         cells += ["" if entry.cameras is None else "{}/{}".format(*entry.cameras)]
     return cells
+
+
+def show_comparisons(first: Path, second: Path, found: Sequence[Comparison]) -> None:
+    """A line a case and condition, and below it what each verdict rests on."""
+    metrics = dict.fromkeys(comparison.metric for comparison in found)
+    title = f"A: {first}\nB: {second}\n{'; '.join(metrics)}, protocol {found[0].key.protocol}"
+    rows = []
+    for one in found:
+        interval = (
+            "" if one.low is None else f"{significant(one.low, 3)} to {significant(one.high, 3)}"
+        )
+        numbers = [significant(n) for n in (one.first, one.second, one.difference)]
+        rows.append([_case(one), *numbers, interval, one.verdict])
+    unit = next((one.unit for one in found if one.unit), "")
+    header = ["case", f"A {unit} ", f"B {unit} ", "A - B ", "95 % ", "verdict"]
+    show_table(title, header, rows)
+    for one in found:
+        paired = "paired by phase" if one.paired else "not paired"
+        scope = f", speaks for {one.scope}s" if one.scope else ""
+        click.echo(f"{_case(one)}: {one.verdict}: {one.reason} ({paired}{scope})")
+
+
+def _case(comparison: Comparison) -> str:
+    key = comparison.key
+    return key.case if key.condition == "default" else f"{key.case} {key.condition}"

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+SECONDS, RATE = click.FloatRange(0.0), click.FloatRange(1.0, 2000.0)
+
 
 @click.command(
     "extract", epilog="Example: vrbench motion extract my-capture --name seated-shooter -o head.tum"
@@ -14,8 +16,8 @@ import click
 @click.option("--name", required=True, help="The motion's name.")
 @click.option("--version", default=1, show_default=True, help="The motion's version.")
 @click.option("--take", help="Which take [the run's only scored one].")
-@click.option("--start", default=0.0, help="Begin so many seconds into the take.")
-@click.option("--end", type=float, help="End so many seconds into the take.")
+@click.option("--start", type=SECONDS, default=0.0, help="Begin so many seconds into the take.")
+@click.option("--end", type=SECONDS, help="End so many seconds into the take.")
 @click.option(
     "--at",
     type=click.Choice(["eye", "body"]),
@@ -23,7 +25,7 @@ import click
     show_default=True,
     help="Whose motion: the body's where no headset was recorded.",
 )
-@click.option("--rate", default=120.0, show_default=True, help="Poses a second.")
+@click.option("--rate", type=RATE, default=120.0, show_default=True, help="Poses a second.")
 @click.option("--game", help="What was played.")
 @click.option("--posture", help="Seated, standing.")
 @click.option("--licence", help="Under which the motion may be used [the run's].")

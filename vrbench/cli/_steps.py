@@ -32,6 +32,19 @@ def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) 
         return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total))
 
 
+def report_run(bundle: Bundle, protocol: str) -> None:
+    """Writes a run's report; says so where what it needs isn't installed."""
+    from importlib.util import find_spec
+
+    if find_spec("jinja2") is None:
+        click.echo("no report: it needs jinja2 (pip install 'vrbench[report]')", err=True)
+        return
+    from vrbench.results.report.run_page import REPORT, write_report
+
+    write_report(bundle, protocol)
+    click.echo(f"report: {bundle.folder / REPORT}")
+
+
 def show_runs(bundles: Sequence[Bundle]) -> None:
     """Says where bundles are, and what to do next."""
     for bundle in bundles:

@@ -7,7 +7,7 @@ import re
 from decimal import Decimal
 from typing import Annotated
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, WithJsonSchema
 
 _NUMBER = re.compile(r"^\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(\S+)\s*$")
 
@@ -43,7 +43,19 @@ def _in_si(value: object, units: dict[str, str | float]) -> float | None:
     return float(Decimal(match[1]) * Decimal(unit))
 
 
-Duration = Annotated[float, _parser({"s": "1", "ms": "0.001", "min": "60", "h": "3600"})]
-Length = Annotated[float, _parser({"mm": "0.001", "cm": "0.01", "m": "1"})]
-Angle = Annotated[float, _parser({"deg": math.pi / 180.0, "rad": "1"})]
-Fraction = Annotated[float, _parser({"%": "0.01"})]
+def _schema(*units: str) -> WithJsonSchema:
+    """What editors and validators of YAML are told: a number, or text with one of the units."""
+    pattern = rf"^\s*[-+]?[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?\s*({'|'.join(units)})\s*$"
+    return WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": pattern}]})
+
+
+Duration = Annotated[
+    float,
+    _parser({"s": "1", "ms": "0.001", "min": "60", "h": "3600"}),
+    _schema("s", "ms", "min", "h"),
+]
+Length = Annotated[
+    float, _parser({"mm": "0.001", "cm": "0.01", "m": "1"}), _schema("mm", "cm", "m")
+]
+Angle = Annotated[float, _parser({"deg": math.pi / 180.0, "rad": "1"}), _schema("deg", "rad")]
+Fraction = Annotated[float, _parser({"%": "0.01"}), _schema("%")]

@@ -1,4 +1,4 @@
-"""Files that come with vrbench: suites and recordings, found by name."""
+"""Files that come with vrbench: suites, recordings and published results, found by name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def shipped_folder(kind: str) -> Path:
-    """The folder `suites` or `recordings`: in the wheel, or beside a checkout's package."""
+    """The folder of a kind, `suites` say: in the wheel, or beside the package of a checkout."""
     inside = _PACKAGE / kind
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 

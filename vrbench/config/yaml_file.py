@@ -106,7 +106,7 @@ def validate(
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        problems = error.errors(include_url=False)
+        problems = _innermost(error.errors(include_url=False))
         # a field that is misspelt is both unknown and missing: the first says more
         first = min(problems, key=lambda problem: problem["type"] == "missing")
         loc = first["loc"]
@@ -118,6 +118,12 @@ def validate(
             field=".".join(str(part) for part in loc) or None,
             fix=fix,
         ) from None
+
+
+def _innermost(problems: Sequence[Any]) -> list[Any]:
+    """Problems without those of lists that only lack what is wrong within them."""
+    within = {p["loc"][:n] for p in problems for n in range(len(p["loc"]))}
+    return [p for p in problems if p["type"] != "too_short" or p["loc"] not in within]
 
 
 def _told(problem: Any, loc: Sequence[int | str], model: type[BaseModel]) -> tuple[str, str | None]:

@@ -20,8 +20,8 @@ from vrbench.devices.simulated.noise import correlated, rng_of
 from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat, slerp
 from vrbench.trajectory import NS
 
-# Rows the file holds, in a ring: four seconds at 500 Hz.
-ROWS, USUAL_STEP_NS = 2048, 2_000_000
+# Rows the file holds, in a ring: sixteen seconds at 125 Hz.
+ROWS, USUAL_STEP_NS = 2048, 8_000_000
 # Rows before the newest that a look takes in, and before the oldest that it leaves alone.
 SPARE = 128
 _ROW = np.dtype([("t", "<i8"), ("p", "<f8", 3), ("q", "<f8", 4)])

@@ -21,7 +21,7 @@ from vrbench.estimation.correlation import (
 )
 from vrbench.estimation.drift import LONG_TAKE_S, Stretch, fit_drift
 from vrbench.estimation.outliers import informative
-from vrbench.geometry import Bools, Floats
+from vrbench.geometry import Bools, Floats, Ints
 from vrbench.trajectory import NS, Trajectory
 
 MINIMUM_POSES = 20
@@ -49,6 +49,8 @@ class ClockFit:
         residual_s: root mean square difference between the offsets of local windows and the
             clock [s]; None if the overlap holds fewer than two windows.
         overlap_s: how long both streams are known, with that offset [s].
+        local_t: middles (k,) [ns] of windows of 30 s, on the estimate's clock.
+        local_ns: offsets (k,) [ns] of those windows alone.
     """
 
     clock: ClockMap
@@ -58,6 +60,8 @@ class ClockFit:
     distinctness: float
     residual_s: float | None
     overlap_s: float
+    local_t: Ints
+    local_ns: Floats
 
 
 def estimate_clock(
@@ -105,6 +109,8 @@ def estimate_clock(
         distinctness=main.distinctness,
         residual_s=drift.residual_s,
         overlap_s=_overlap_s(first, second, drift.clock),
+        local_t=drift.local_t,
+        local_ns=drift.local_ns,
     )
 
 

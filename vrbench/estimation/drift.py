@@ -19,6 +19,9 @@ WINDOW_S = 30.0
 # 100 ppm for two hours, to either side of the seed: more than any crystal, less than a loop.
 LOCAL_SEARCH_S = 0.8
 MINIMUM_LOCAL_CORRELATION = 0.8
+# Between windows a minute and a half apart, no crystal changes so: 333 ppm. With scatter beside it.
+LARGEST_CHANGE_NS = 30e6
+STEP_CUT = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +41,15 @@ class Drift:
         clock: from the second signal's clock to the first's.
         skew: mean growth of the offset within the stretches [s/s].
         residual_s: root mean square of the local offsets about the clock [s], or None.
+        local_t: middles (k,) [ns] of the windows, on the second's clock.
+        local_ns: their local offsets (k,) [ns].
     """
 
     clock: ClockMap
     skew: float
     residual_s: float | None
+    local_t: Ints
+    local_ns: Floats
 
 
 def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[float]) -> Drift:
@@ -52,14 +59,16 @@ def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[fl
     offsets of windows of 30 s, and as many pieces, 120 s or longer, as Schwarz's criterion grants.
 
     Raises:
-        EstimationError: a long stretch in which hardly a window correlates.
+        EstimationError: a long stretch in which hardly a window correlates, or the offset jumps.
     """
     knots: list[Ints] = []
     offsets: list[Floats] = []
+    windows: list[tuple[Ints, Floats]] = []
     errors: list[Floats] = []
     skews: list[tuple[float, float]] = []
     for stretch, seed_ns in zip(stretches, seeds_ns, strict=True):
         t, local = local_offsets(first, stretch.signal, seed_ns)
+        windows.append((t, local))
         span_s = (stretch.end_ns - stretch.start_ns) / NS
         ends = np.array([stretch.start_ns, stretch.end_ns], dtype=np.int64)
         if span_s < LONG_TAKE_S:
@@ -76,7 +85,13 @@ def fit_drift(first: Signal, stretches: Sequence[Stretch], seeds_ns: Sequence[fl
     weights = np.array([span for _, span in skews])
     skew = float(np.array([value for value, _ in skews]) @ weights / weights.sum())
     clock = ClockMap(np.concatenate(knots), np.concatenate(offsets))
-    return Drift(clock, skew, None if residual is None else residual / NS)
+    return Drift(
+        clock=clock,
+        skew=skew,
+        residual_s=None if residual is None else residual / NS,
+        local_t=np.concatenate([t for t, _ in windows]),
+        local_ns=np.concatenate([local for _, local in windows]),
+    )
 
 
 def local_offsets(first: Signal, second: Signal, seed_ns: float) -> tuple[Ints, Floats]:
@@ -114,6 +129,7 @@ def _piecewise(t: Ints, local: Floats, ends: Ints) -> tuple[Ints, Floats]:
         )
     believed = _without_outliers(local)
     t, local = t[believed], local[believed]
+    _refuse_steps(t, local)
     most = int((ends[1] - ends[0]) / NS // KNOT_SPACING_S)
     best: tuple[float, Ints, Floats] | None = None
     pieces = 1
@@ -126,6 +142,24 @@ def _piecewise(t: Ints, local: Floats, ends: Ints) -> tuple[Ints, Floats]:
         pieces *= 2
     assert best is not None
     return best[1], best[2]
+
+
+def _refuse_steps(t: Ints, local: Floats) -> None:
+    """Raises EstimationError where the offset jumps from three windows to the next three."""
+    if len(local) < 6:
+        return
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(local, 3), axis=1)
+    jump = middle[3:] - middle[:-3]
+    jump -= np.median(jump)
+    scatter = 1.4826 * float(np.median(np.abs(np.diff(local))))
+    at = int(np.argmax(np.abs(jump)))
+    if abs(jump[at]) > LARGEST_CHANGE_NS + STEP_CUT * scatter:
+        raise EstimationError(
+            f"the clock jumps by {jump[at] / 1e6:.0f} ms near {t[at + 3] / NS:.0f} s: it was set "
+            "while it ran",
+            field="estimate",
+            fix="cut the recording there, or let events of the take tell of the step",
+        )
 
 
 def _without_outliers(local: Floats) -> Bools:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from vrbench.clocks import ClockMap
-from vrbench.geometry import Floats, Transform
+from vrbench.geometry import Floats, Ints, Transform
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import Trajectory
 
@@ -18,6 +18,14 @@ class ClockEvidence(Protocol):
     @property
     def residual_s(self) -> float | None:
         """RMS scatter of the offset about the fitted map [s]; None where it wasn't measured."""
+
+    @property
+    def local_t(self) -> Ints:
+        """Middles (k,) [ns] of the windows whose offset was found, on the headset's clock."""
+
+    @property
+    def local_ns(self) -> Floats:
+        """Their offsets (k,) [ns]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

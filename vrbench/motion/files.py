@@ -38,9 +38,9 @@ Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 NOTHING = {"none", "no", "unknown", "n/a", "-", "?", "tbd", "todo"}
 RATE_TOLERANCE = 0.02
 START_TOLERANCE = 1e-6
-# A seated player moves within 0.6 m at 0.9 m/s, one who walks a room within 5 m.
+# A seated player moves within 0.6 m at 0.9 m/s, one who walks a room within some metres.
 LARGEST_BOX_M, LARGEST_SPEED_M_S = 20.0, 10.0
-HEAD_BOX_M = 8.0
+HEAD_BOX_M = 3.0
 
 
 class Header(BaseModel):

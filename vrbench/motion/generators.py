@@ -79,15 +79,16 @@ def shooter() -> Motion:
 
 def saturate() -> Motion:
     """The calibration motion: slow, about and along all axes, beyond the suites' motions."""
-    return _saturating("saturate-1", "Calibration: all axes, slow, 120 s", 120.0)
+    return saturating("saturate-1", "Calibration: all axes, slow, 120 s", 120.0)
 
 
 def saturate_short() -> Motion:
     """The check motion: the calibration motion's first half minute, come to rest."""
-    return _saturating("saturate-30s-1", "Check: all axes, slow, 30 s", 30.0)
+    return saturating("saturate-30s-1", "Check: all axes, slow, 30 s", 30.0)
 
 
-def _saturating(name: str, title: str, duration_s: float) -> Motion:
+def saturating(name: str, title: str, duration_s: float) -> Motion:
+    """Slow turns and moves about and along all axes, for so long [s]."""
     t = np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ
     # Two tones a channel, none a multiple of another, so that no axis moves with another. A tracker
     # errs slowly, so X is told by turns that are quicker than its errors: the second tones of

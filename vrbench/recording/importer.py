@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from vrbench.geometry import CONVENTIONS, Transform
+from vrbench.geometry import CONVENTIONS, Floats, Transform
 from vrbench.streams import Samples
 
 
@@ -41,10 +41,13 @@ class Imported:
     Attributes:
         samples: its poses, in vrbench's conventions.
         repairs: what was mended or left out, a sentence each; kept in the take and shown.
+        markers: where the body's markers sit, from its pivot (k, 3) [m], y up; None where the file
+            doesn't say. A calibration made with others isn't used for the take.
     """
 
     samples: Samples
     repairs: tuple[str, ...] = ()
+    markers: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)

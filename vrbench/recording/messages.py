@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from vrbench.errors import DataError
 from vrbench.geometry import Ints
+from vrbench.recording.caps import Unpacking
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -119,6 +120,7 @@ class _Reading:
         self.facts: dict[str, str] = {}
         self.begun = False
         self._metadata = metadata
+        self._unpack = Unpacking()
         self._schemas: dict[int, str] = {}
 
     def file(self, file: BinaryIO) -> bool:
@@ -153,11 +155,8 @@ class _Reading:
     def _chunk(self, content: bytes) -> None:
         from mcap.data_stream import ReadDataStream
         from mcap.records import Chunk
-        from mcap.stream_reader import get_chunk_data_stream
 
-        chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        raw = stream.read(length)
+        raw = self._unpack(Chunk.read(ReadDataStream(BytesIO(content))))
         starts, lengths = self._places(raw)
         if not len(starts):
             return

@@ -94,10 +94,18 @@ class Entry:
 
     @property
     def places(self) -> str:
-        """Its rank as a table prints it: `2`, `1-3` where it can't be told apart, else `-`."""
+        """Its rank as a table prints it: `2`, `1-3` where it can't be told apart.
+
+        `-` where it has none; `pub.` where it was printed by others.
+        """
         if self.rank is None:
-            return "-"
+            return "pub." if self.source == "published" else "-"
         return str(self.rank) if self.rank == self.last_rank else f"{self.rank}-{self.last_rank}"
+
+    @property
+    def name(self) -> str:
+        """The device; of a published entry also what was printed of it."""
+        return f"{self.device} ({self.runs[0]})" if self.source == "published" else self.device
 
     @property
     def identity(self) -> tuple[str, ...]:
@@ -153,7 +161,9 @@ def notes(board: Board) -> Iterator[str]:
     """What a table has no room for: why entries have no rank, what failed, who is ranked apart."""
     for entry in board.entries:
         who = f"{entry.device} of {entry.lab}"
-        if entry.rank is None and entry.source == "measured":
+        if entry.source == "published":
+            continue
+        if entry.rank is None:
             yield f"{who} has no rank: {entry.status}: {entry.reason}"
         elif entry.reason:
             yield f"{who}: {entry.reason}"
@@ -163,3 +173,7 @@ def notes(board: Board) -> Iterator[str]:
     if len(apart) > 1:
         named = "; ".join(", ".join(labs) for labs in apart)
         yield f"ranked apart, because their labs have no reference device in common: {named}"
+    printed = [entry for entry in board.entries if entry.source == "published"]
+    for reason in dict.fromkeys(entry.reason for entry in printed):
+        named = ", ".join(entry.name for entry in printed if entry.reason == reason)
+        yield f"pub.: {named}: {reason}"

@@ -6,12 +6,62 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import BaseModel, ConfigDict, Field
+
+from vrbench.config.yaml_file import validate
+from vrbench.errors import DataError
 from vrbench.protocols.calibration import Calibration
 from vrbench.results.bundle import replace_text
 
 CALIBRATIONS = "calibration.json"
+
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+Six = Annotated[list[float], Field(min_length=6, max_length=6)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PoseRecord(_Strict):
+    """A transform: position [m], quaternion xyzw."""
+
+    p_m: Three
+    q_xyzw: Four
+
+
+class CalibrationRecord(_Strict):
+    """What one calibration take gave: X with its covariance, Y, and what they leave."""
+
+    take: str
+    tcp_eye: PoseRecord
+    tcp_eye_covariance: Annotated[list[Six], Field(min_length=6, max_length=6)] | None
+    base_world: PoseRecord
+    residual_mm: float
+    residual_deg: float
+
+
+class _File(_Strict):
+    protocols: dict[str, dict[str, list[CalibrationRecord]]]
+
+
+def parse_calibrations(
+    content: bytes, path: Path, protocol: str
+) -> dict[str, list[CalibrationRecord]]:
+    """What a protocol found, by reference; nothing where it found nothing.
+
+    Raises:
+        DataError: the content isn't what `write_calibrations` wrote.
+        ConfigError: a field isn't what it should be.
+    """
+    try:
+        found = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise DataError("is not JSON", file=path, fix=str(error)) from None
+    return validate(found, _File, path).protocols.get(protocol, {})
 
 
 def write_calibrations(

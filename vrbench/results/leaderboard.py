@@ -11,6 +11,7 @@ from pathlib import Path
 from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.results.board import STATISTICS, Board, BoardKey, Entry, Leaderboard, LeftOut
 from vrbench.results.bundle import Bundle
+from vrbench.results.published import Published, published, published_entries
 from vrbench.results.scatter import measured
 from vrbench.results.standing import Standing, baseline_of, is_change, standings
 from vrbench.results.tables import pool
@@ -42,10 +43,13 @@ def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
         except OSError as error:
             told = DataError("can't be read", file=folder, fix=error.strerror)
             left_out.append(LeftOut(str(folder), told))
-    return Leaderboard([_board(key, by_key[key]) for key in sorted(by_key)], left_out)
+    printed = published()
+    return Leaderboard([_board(key, by_key[key], printed) for key in sorted(by_key)], left_out)
 
 
-def _board(key: BoardKey, standings: Sequence[Standing]) -> Board:
+def _board(
+    key: BoardKey, standings: Sequence[Standing], publications: Sequence[Published]
+) -> Board:
     suite = standings[0].suite
     change = is_change(suite, key.condition)
     metric = f"{suite.rank.metric} {suite.rank.statistic} at the {suite.rank.point}"
@@ -63,8 +67,10 @@ def _board(key: BoardKey, standings: Sequence[Standing]) -> Board:
                 sound.append((entry, sittings))
             else:
                 others.append(entry)
-    ranked = sorted(_ranked(sound, _same_recordings(standings)), key=_by_value)
-    return Board(key, metric, [*ranked, *sorted(others, key=_by_value)], change)
+    entries = sorted(_ranked(sound, _same_recordings(standings)), key=_by_value)
+    entries += sorted(others, key=_by_value)
+    entries += published_entries(publications, key, change=change)
+    return Board(key, metric, entries, change)
 
 
 def _by_value(entry: Entry) -> tuple[bool, float, tuple[str, ...], Sequence[str]]:

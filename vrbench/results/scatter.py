@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 
 import numpy as np
 
-from vrbench.geometry import Floats, Ints
 from vrbench.results.bundle import TakeRecord
 from vrbench.results.selection import select_bins
 from vrbench.results.standing import Sampled, Standing
+from vrbench.statistics.paired import Phases
 from vrbench.statistics.ranks import Measured
 
 # What errors by phase are kept of.
@@ -80,33 +81,45 @@ def _bins(sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]) -
 
     To first order, the rmse over some bins is the mean over them of (square / rmse + rmse) / 2.
     """
-    rank = sittings[0].suite.rank
-    if rank.metric not in BY_PHASE or rank.statistic != "rmse":
-        return {}
-    every: list[tuple[Ints, Floats]] = []
+    every: list[Phases] = []
     for standing, mine in zip(sittings, takes, strict=True):
-        name = f"metrics/{standing.key.protocol}.phase.csv"
-        if name not in standing.record.files:
+        known = phases(standing, mine)
+        if not known:
             return {}
-        found = select_bins(
-            standing.bundle.folder / name,
-            standing.bundle.content(name),
-            mine,
-            reference=standing.key.reference,
-            metric=rank.metric,
-            point=rank.point,
-        )
-        if len(found) < len(mine):
-            return {}
-        every += found.values()
-    common = set.intersection(*(set(bins.tolist()) for bins, _ in every))
-    squares: dict[int, float] = dict.fromkeys(common, 0.0)
-    for bins, square in every:
-        for b, s in zip(bins.tolist(), square.tolist(), strict=True):
-            if b in common:
-                squares[b] += s / len(every)
-    rmse = float(np.sqrt(np.mean(list(squares.values())))) if squares else 0.0
-    return {b: (s / rmse + rmse) / 2 if rmse else 0.0 for b, s in squares.items()}
+        every += known
+    common = reduce(np.intersect1d, [one.bin for one in every])
+    squares = [one.mean_square[np.isin(one.bin, common)] for one in every]
+    square = np.mean(squares, axis=0)
+    rmse = float(np.sqrt(np.mean(square))) if len(common) else 0.0
+    if rmse == 0.0:
+        return {}
+    return dict(zip(common.tolist(), ((square / rmse + rmse) / 2).tolist(), strict=True))
+
+
+def phases(standing: Standing, takes: Sequence[TakeRecord]) -> list[Phases]:
+    """The errors of takes by phase; none where they aren't known of the ranking metric.
+
+    Raises:
+        DataError: the table was changed, or can't be read.
+    """
+    rank, record = standing.suite.rank, standing.record
+    name = f"metrics/{standing.key.protocol}.phase.csv"
+    if rank.metric not in BY_PHASE or rank.statistic != "rmse" or name not in record.files:
+        return []
+    found = select_bins(
+        standing.bundle.folder / name,
+        standing.bundle.content(name),
+        takes,
+        reference=standing.key.reference,
+        metric=rank.metric,
+        point=rank.point,
+    )
+    if len(found) < len(takes):
+        return []
+    return [
+        Phases(bins, np.sqrt(square), square, mount=str(mount), sitting=record.sitting)
+        for (mount, _), (bins, square) in found.items()
+    ]
 
 
 def _less(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int, float]:

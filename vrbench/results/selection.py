@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
+import re
+from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,27 +19,30 @@ from vrbench.results.tables import COLUMNS, Row, row_of
 Place = tuple[int, int]
 
 
-def select_rows(path: Path, text: bytes, holding: Iterable[str]) -> list[Row]:
-    """The rows of a metric table whose lines hold one of some texts.
+def select_rows(
+    path: Path, text: bytes, *, reference: str, variant: str, cells: Sequence[str]
+) -> list[Row]:
+    """The rows of a metric table that have one of some successions of cells.
 
     Args:
         path: of the table, for messages.
         text: its content.
-        holding: the texts, with the commas around their cells.
+        reference: against which the rows are,
+        variant: and of which variant.
+        cells: what may stand from the metric on, as regular expressions: `scale,eye,all` say.
 
     Raises:
         DataError: other columns, or a cell of another type.
     """
-    _check_header(path, text, COLUMNS, "a metric table's")
-    found: dict[int, None] = {}
-    for needle in holding:
-        wanted, at = needle.encode(), 0
-        while (at := text.find(wanted, at)) >= 0:
-            found[text.rfind(b"\n", 0, at) + 1] = None
-            at = _line_end(text, at)
-    lines = (text[start : _line_end(text, start)].decode() for start in sorted(found))
+    _check_header(path, text, COLUMNS)
+    pattern = f",{re.escape(reference)},{re.escape(variant)},(?:{'|'.join(cells)}),"
+    lines = []
+    for found in re.finditer(pattern.encode(), text):
+        end = text.find(b"\n", found.end())
+        lines.append(text[text.rfind(b"\n", 0, found.start()) + 1 : end if end >= 0 else None])
     try:
-        return [row_of(dict(zip(COLUMNS, cells, strict=True))) for cells in csv.reader(lines)]
+        rows = csv.reader(line.decode() for line in lines)
+        return [row_of(dict(zip(COLUMNS, row, strict=True))) for row in rows]
     except (ValueError, TypeError, csv.Error) as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
 
@@ -45,7 +50,7 @@ def select_rows(path: Path, text: bytes, holding: Iterable[str]) -> list[Row]:
 def select_bins(
     path: Path,
     text: bytes,
-    takes: Iterable[TakeRecord],
+    takes: Sequence[TakeRecord],
     *,
     reference: str,
     metric: str,
@@ -56,7 +61,7 @@ def select_bins(
     Args:
         path: of a table of errors by phase, for messages.
         text: its content.
-        takes: the takes; those that the table lacks are left out.
+        takes: the takes, of one case and condition; those that the table lacks are left out.
         reference: against which,
         metric: which error,
         point: and where.
@@ -64,38 +69,24 @@ def select_bins(
     Raises:
         DataError: other columns, or a cell of another type.
     """
-    _check_header(path, text, PHASE_COLUMNS, "a table of errors by phase")
-    starts: Mapping[bytes, Place] = {
-        f"{t.case},{t.condition},{t.mount},{t.repeat},{reference},{metric},{point},".encode(): (
-            t.mount,
-            t.repeat,
-        )
-        for t in takes
-    }
-    beginnings, cells = tuple(starts), len(PHASE_COLUMNS)
-    column = PHASE_COLUMNS.index("phase")
-    found: dict[Place, list[tuple[int, float]]] = {}
+    _check_header(path, text, PHASE_COLUMNS)
+    case, what = f"{takes[0].case},{takes[0].condition}", f"{reference},{metric},{point}"
+    pattern = rf"\n{re.escape(case)},(\d+),(\d+),{re.escape(what)},(\d+),[^,\n]*,([^,\n]*),"
+    cells: dict[tuple[bytes, bytes], list[tuple[int, float]]] = defaultdict(list)
     try:
-        for line in text.split(b"\n"):
-            if line.startswith(beginnings):
-                parts = line.split(b",")
-                if len(parts) != cells:
-                    raise ValueError(f"{len(parts)} cells, not {cells}")
-                place = int(parts[2]), int(parts[3])
-                found.setdefault(place, []).append((int(parts[column]), float(parts[column + 2])))
+        for mount, repeat, phase, square in re.findall(pattern.encode(), text):
+            cells[mount, repeat].append((int(phase), float(square)))
     except ValueError as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
+    bins = {(int(m), int(r)): np.array(sorted(numbers)) for (m, r), numbers in cells.items()}
     return {
-        place: (np.array([b for b, _ in bins]), np.array([square for _, square in bins]))
-        for place, bins in ((place, sorted(bins)) for place, bins in found.items())
+        place: (bins[place][:, 0].astype(np.int64), bins[place][:, 1])
+        for place in ((take.mount, take.repeat) for take in takes)
+        if place in bins
     }
 
 
-def _check_header(path: Path, text: bytes, columns: list[str], whose: str) -> None:
-    if text[: _line_end(text, 0)].rstrip(b"\r").decode(errors="replace") != ",".join(columns):
-        raise DataError(f"other columns than {whose}", file=path, fix=",".join(columns))
-
-
-def _line_end(text: bytes, at: int) -> int:
-    end = text.find(b"\n", at)
-    return len(text) if end < 0 else end
+def _check_header(path: Path, text: bytes, columns: Sequence[str]) -> None:
+    header = ",".join(columns)
+    if not text.startswith(f"{header}\n".encode()):
+        raise DataError("other columns than this table's", file=path, fix=header)

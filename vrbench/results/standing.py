@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError
-from vrbench.results.board import BoardKey
+from vrbench.results.board import STATISTICS, BoardKey
 from vrbench.results.bundle import RECORD, Bundle, RunRecord, TakeRecord
 from vrbench.results.selection import select_rows
 from vrbench.results.tables import STATUSES, Row
@@ -98,18 +99,16 @@ def standings(bundle: Bundle, protocol: str) -> list[Standing]:
     suite = _suite(bundle)
     reference, rank = bundle.record.references[0], suite.rank
     name = f"metrics/{protocol}.csv"
-    rows = select_rows(
-        bundle.folder / name,
-        bundle.content(name),
-        (
-            f",{reference},main,{rank.metric},{rank.point},all,",
-            f",{reference},main,{rank.metric},,",
-            f",{reference},vs-baseline,{rank.metric},{rank.point},all,",
-            f",{reference},main,coverage.valid,",
-            f",{reference},main,coverage.epochs,",
-            f",{reference},main,floor.total,{rank.point},",
-        ),
-    )
+    path, text = bundle.folder / name, bundle.content(name)
+    metric, numbers = re.escape(rank.metric), "|".join(sorted({*STATISTICS, rank.statistic}))
+    ranking = rf"{metric},{rank.point},all,(?:{numbers})"
+    # what could not be computed has neither point nor statistic
+    others = (rf"{metric},,all,value", "coverage[.](?:valid|epochs)", f"floor[.]total,{rank.point}")
+    rows = select_rows(path, text, reference=reference, variant="main", cells=(ranking, *others))
+    if baseline_of(suite):
+        rows += select_rows(
+            path, text, reference=reference, variant="vs-baseline", cells=(ranking, others[0])
+        )
     by_case: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for row in rows:
         by_case[row.case, row.condition].append(row)

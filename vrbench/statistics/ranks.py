@@ -90,7 +90,7 @@ def told_apart(measured: Sequence[Measured], level: float = LEVEL) -> Flags:
     told = np.zeros((n, n), dtype=np.bool_)
     if n > 1:
         pairs = _Pairs(measured)
-        told[pairs.first, pairs.second] = _discoveries(pairs.chances(), 1.0 - level)
+        told[pairs.first, pairs.second] = _discoveries(pairs.chances(1.0 - level), 1.0 - level)
     return told | told.T
 
 
@@ -132,15 +132,21 @@ class _Pairs:
             spent = self._own**2 / self._own_freedom + along**2 / (self.blocks - 1)
             np.divide(self._both**2, spent, out=self._freedom, where=spent > 0)
 
-    def chances(self) -> Floats:
-        """How likely so large a difference is of two numbers that are the same."""
+    def chances(self, enough: float = 1.0) -> Floats:
+        """How likely so large a difference is of two numbers that are the same.
+
+        Args:
+            enough: chances above it may be given too small, but not below it.
+        """
         from scipy.special import stdtr
 
         with np.errstate(divide="ignore", invalid="ignore"):
-            alone = stdtr(self._own_freedom, -self._apart / np.sqrt(self._own))
-            together = stdtr(self._freedom, -self._apart / np.sqrt(self._both))
-        chance = 2.0 * np.maximum(alone, together)
-        return np.where(self._buried | (self._apart == 0.0), 1.0, chance)
+            chance = 2.0 * stdtr(self._own_freedom, -self._apart / np.sqrt(self._own))
+            chance[self._buried | (self._apart == 0.0)] = 1.0
+            open_ = chance <= enough
+            t = self._apart[open_] / np.sqrt(self._both[open_])
+            chance[open_] = np.maximum(chance[open_], 2.0 * stdtr(self._freedom[open_], -t))
+        return chance
 
     def half_widths(self, level: float) -> Floats:
         """How far their intervals reach to either side."""

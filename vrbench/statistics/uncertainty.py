@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,15 +11,15 @@ from vrbench.estimation.blocks import block_covariance
 from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
-from vrbench.statistics.bootstrap import Interval, Series, Statistic, bootstrap
+from vrbench.statistics.bootstrap import Interval, Series, bootstrap
 from vrbench.trajectory import NS
 
 # Errors are averaged over bins this long: far below the time over which they are correlated.
 BIN_S = 0.1
 # Longer takes have longer bins, or an hour's replicates would not fit into memory.
 MOST_BINS = 10_000
-STATISTICS: tuple[Statistic, ...] = ("rmse", "mean")
 REPLICATES = 500
+NORMAL_95 = 1.96
 # Step of X for its derivatives [rad, m]; errors are all but linear over much longer ones.
 STEP = 1e-4
 
@@ -34,6 +34,8 @@ class ErrorModel:
         constant: mean square error in each bin (b,), in the square of the error's unit.
         linear: its gradient (b, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
         quadratic: and half its curvature (b, 6, 6).
+        motion: what the scale makes of the motion, above its mean (b,), in the square of the unit.
+            It comes back wherever the motion does, so it is no chance of the take.
         turn: covariance of the alignment's own rotation (3, 3), in the square of the unit. It is
             fitted to positions, turns all rotations of the take alike, and so no resampling of
             them shows it. None for translations, which are fitted themselves.
@@ -42,27 +44,20 @@ class ErrorModel:
     constant: Floats
     linear: Floats
     quadratic: Floats
+    motion: Floats
     turn: Floats | None = None
 
-    def errors(self, dx: Floats) -> Floats:
-        """Errors (m, b) with X off by dx (m, 6)."""
-        return np.sqrt(np.maximum(self._squares(dx), 0.0))
-
     def drawn(self, dx: Floats, rng: np.random.Generator) -> Floats:
-        """Errors (m, b) with X off by dx (m, 6), and what the alignment's chance adds to them.
+        """Squares (m, b) with X off by dx (m, 6), and what the alignment's chance adds to them.
 
         The take's own alignment is off by one draw already; so what draws add to the mean square
         is centred, and widens the interval without moving it.
         """
-        square = self._squares(dx)
+        square: Floats = self.constant + dx @ self.linear.T
+        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
         if self.turn is not None:
             turn = rng.multivariate_normal(np.zeros(3), self.turn, size=len(dx), method="eigh")
             square += (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
-        return np.sqrt(np.maximum(square, 0.0))
-
-    def _squares(self, dx: Floats) -> Floats:
-        square: Floats = self.constant + dx @ self.linear.T
-        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
         return square
 
 
@@ -91,7 +86,18 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     for at in aligned(take):
         key = ("ape.rotation.aligned", at.point)
         models[key] = replace(models[key], turn=_turn_covariance(at, bins))
+        key = ("ape.translation.aligned", at.point)
+        models[key] = replace(models[key], motion=_of_motion(at, bins))
     return models
+
+
+def _of_motion(at: Compared, bins: np.ndarray) -> Floats:
+    """What the scale's error makes of squared errors in each bin (b,) [mm^2], above its mean."""
+    arm = at.estimate.p - at.estimate.p.mean(axis=0)
+    square = np.einsum("ni,ni->n", arm, arm)
+    share = float(np.einsum("ni,ni->", arm, at.translation()) / square.sum())
+    binned = (MM * share) ** 2 * _binned(square, bins)
+    return binned - binned.mean()
 
 
 def _turn_covariance(at: Compared, bins: np.ndarray) -> Floats:
@@ -128,27 +134,64 @@ def intervals(
         if not all(key in model for model in models):
             continue
         own = [model[key] for model in models]
-        series = [
-            Series(model.errors(np.zeros((1, 6)))[0], mount=mount, sitting=sitting)
-            for model, (sitting, mount) in zip(own, places, strict=True)
-        ]
-
-        def redraw(
-            rng: np.random.Generator, count: int, own: Sequence[ErrorModel] = own
-        ) -> list[Floats]:
-            drawn: dict[tuple[str, str], Floats] = {}
-            for place, covariance in zip(places, covariances, strict=True):
-                if place not in drawn:
-                    drawn[place] = _draws(covariance, count, rng)
-            return [
-                model.drawn(drawn[place], rng) for model, place in zip(own, places, strict=True)
+        for statistic, wanted in STATISTICS.items():
+            series = [
+                Series(wanted(model, model.constant), mount=mount, sitting=sitting)
+                for model, (sitting, mount) in zip(own, places, strict=True)
             ]
 
-        for statistic in STATISTICS:
-            found[*key, statistic] = bootstrap(
-                series, rng, statistic=statistic, replicates=REPLICATES, redraw=redraw
+            def redraw(
+                rng: np.random.Generator,
+                count: int,
+                own: Sequence[ErrorModel] = own,
+                wanted: Callable[[ErrorModel, Floats], Floats] = wanted,
+            ) -> list[Floats]:
+                dx: dict[tuple[str, str], Floats] = {}
+                for place, covariance in zip(places, covariances, strict=True):
+                    if place not in dx:
+                        dx[place] = _draws(covariance, count, rng)
+                return [
+                    wanted(model, model.drawn(dx[place], rng))
+                    for model, place in zip(own, places, strict=True)
+                ]
+
+            interval = bootstrap(
+                series, rng, statistic="mean", replicates=REPLICATES, redraw=redraw
             )
+            if statistic == "rmse":
+                low, high = np.sqrt(np.maximum((interval.low, interval.high), 0.0)).tolist()
+                interval = replace(interval, low=low, high=high)
+            found[*key, statistic] = interval
     return found
+
+
+def _squares(model: ErrorModel, squares: Floats) -> Floats:
+    """Squares (..., b) without what the motion alone makes them differ by from bin to bin."""
+    return squares - model.motion
+
+
+def _lengths(_model: ErrorModel, squares: Floats) -> Floats:
+    """Errors (..., b) of their squares."""
+    return np.sqrt(np.maximum(squares, 0.0))
+
+
+# What the mean is taken of; the rmse is the root of a mean square.
+STATISTICS: dict[str, Callable[[ErrorModel, Floats], Floats]] = {
+    "rmse": _squares,
+    "mean": _lengths,
+}
+
+
+def offset_interval(take: ScoredTake, offset_ms: float) -> Interval | None:
+    """The interval of the clock's offset [ms]; None where it wasn't fitted with X.
+
+    It is the offset's at the moments with most motion: over them the clock's skew has its say, by
+    1 us for each ppm and second (see docs/accuracy.md).
+    """
+    if take.offset_sigma_s is None:
+        return None
+    half = NORMAL_95 * 1e3 * take.offset_sigma_s
+    return Interval(offset_ms - half, offset_ms + half, "take")
 
 
 def _draws(covariance: Floats | None, count: int, rng: np.random.Generator) -> Floats:
@@ -170,10 +213,12 @@ def error_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
 
 def _model(error: Floats, derivative: Floats, bins: np.ndarray) -> ErrorModel:
     """Of error vectors (n, 3), their derivatives (n, 3, 6) by X, and the bin of each (n,)."""
+    constant = _binned(np.einsum("ni,ni->n", error, error), bins)
     return ErrorModel(
-        constant=_binned(np.einsum("ni,ni->n", error, error), bins),
+        constant=constant,
         linear=_binned(2.0 * np.einsum("ni,nij->nj", error, derivative), bins),
         quadratic=_binned(np.einsum("nij,nik->njk", derivative, derivative), bins),
+        motion=np.zeros_like(constant),
     )
 
 

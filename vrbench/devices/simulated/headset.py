@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from vrbench import __version__
 from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Session, Tracking
 from vrbench.devices.simulated.answers import Answers
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
@@ -186,6 +187,14 @@ class SimulatedHeadset:
             epoch=epoch.astype(np.uint32),
         )
         return Columns({"headset/eye": samples}, events=self._recentred(elapsed), clocks=clocks)
+
+    def facts(self) -> dict[str, str]:
+        """See `vrbench.devices.ports.facts_of`."""
+        ahead = self._tracking.prediction_s
+        return {
+            "logger_version": __version__,
+            "prediction": f"{1e3 * ahead:g} ms" if ahead else "none",
+        }
 
     def stop(self) -> None:
         pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -64,7 +65,7 @@ def read(path: Path, options: Options) -> Imported:
     seen = body.seen
     pose: Transform = body.pose[seen]
     found = imported_poses(t[seen], pose.p, pose.q, file=path, row="seen frame", repairs=assumed)
-    return with_invalid(found, t[~seen])
+    return replace(with_invalid(found, t[~seen]), markers=body.shape)
 
 
 def _load(path: Path) -> Any:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from importlib.metadata import version
 from types import TracebackType
 from typing import Any, Literal, Self
 
@@ -85,6 +86,14 @@ class OpenXRHeadset:
         with self._lock:
             self._poses, self._epoch, self._taking = [], None, True
             self._events = [Event(self._host.now(), "headset", facts)]
+
+    def facts(self) -> dict[str, str]:
+        """What is known of the poses: see `vrbench.devices.ports.facts_of`."""
+        ahead = self._options.ahead_s
+        return {
+            "logger_version": version("vrbench-openxr"),
+            "prediction": f"{1e3 * ahead:g} ms ahead, asked for" if ahead else "none",
+        }
 
     def mark(self, name: str) -> None:
         """Writes a mark into the take."""

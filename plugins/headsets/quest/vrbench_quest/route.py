@@ -163,6 +163,12 @@ class QuestLogger:
                 "the logger doesn't answer", field="headset", fix="is the headset awake?"
             )
 
+    def facts(self) -> dict[str, str]:
+        """What the app says of itself: see `vrbench.devices.ports.facts_of`."""
+        told = {} if self._receiver is None else self._receiver.facts or {}
+        names = {"app": "logger_version", "prediction": "prediction"}
+        return {name: str(told[key]) for key, name in names.items() if key in told}
+
     def mark(self, name: str) -> None:
         """Writes a mark into the take, and into the log on the headset."""
         self.link.mark(self._host.now(), name)

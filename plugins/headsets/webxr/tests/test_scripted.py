@@ -355,7 +355,10 @@ def test_a_page_that_comes_again_replaces_its_own_dead_connection(headset, page,
     frames(again, 10)
     headset.stop()
     again.disconnect()
-    assert len(headset.read().poses["headset/eye"]) == 10
+    columns = headset.read()
+    assert len(columns.poses["headset/eye"]) == 10
+    states = [detail["state"] for detail in events_of(columns, "connection")]
+    assert states == ["lost", "open"]
 
 
 def test_a_page_loaded_anew_has_a_new_world(headset, page, wait_for):

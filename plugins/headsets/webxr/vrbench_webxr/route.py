@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from importlib.metadata import version
 from types import TracebackType
 from typing import Self
 
@@ -103,6 +104,13 @@ class WebXRHeadset:
         facts["pose_time"] = "display time where the browser gives it"
         self.link.begin(self._host.now(), facts)
         server.set_take(take)
+
+    def facts(self) -> dict[str, str]:
+        """Of the logger, which is this plugin's page: see `vrbench.devices.ports.facts_of`."""
+        return {
+            "logger_version": version("vrbench-webxr"),
+            "prediction": "the browser's, to its display time",
+        }
 
     def mark(self, name: str) -> None:
         """Writes a mark into the take, and shows it on the page."""

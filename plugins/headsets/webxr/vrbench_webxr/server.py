@@ -262,7 +262,9 @@ class Server:
                 return await self._close(connection, protocol.SECOND_CLIENT, why)
             # the same page comes again: it knows better than we that its connection is gone
             old, self._connection = self._connection, None
-            await _close_quietly(old, protocol.REPLACED, "this page has connected again")
+            why = "this page has connected again"
+            self._link.on_closed(self._host.now(), why)
+            await _close_quietly(old, protocol.REPLACED, why)
         return await self._talk(connection, introduced)
 
     async def _talk(self, connection: Any, hello: protocol.Hello) -> None:

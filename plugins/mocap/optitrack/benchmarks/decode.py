@@ -6,17 +6,10 @@ import sys
 import timeit
 from functools import partial
 
+from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.encode import encode_frame
-from vrbench_optitrack.frames import (
-    BodyMarker,
-    Frame,
-    LabeledMarker,
-    MarkerSet,
-    RigidBody,
-    Suffix,
-    decode_bodies,
-    decode_frame,
-)
+from vrbench_optitrack.frame import BodyMarker, Frame, LabeledMarker, MarkerSet, RigidBody, Suffix
+from vrbench_optitrack.frames import decode_frame
 
 VERSIONS = [(2, 9), (3, 1), (4, 0), (4, 1), (4, 2)]
 

@@ -14,8 +14,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from decode import frame
+from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.encode import encode_frame, encode_models
-from vrbench_optitrack.frames import decode_bodies, decode_frame
+from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.models import BodyModel, CameraModel, MarkerSetModel, decode_models
 from vrbench_optitrack.wire import (
     NatNetError,

@@ -12,8 +12,8 @@ import time
 
 import numpy as np
 from vrbench_optitrack.client import OptiTrack
-from vrbench_optitrack.emulator import ServerClock
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.server import ServerClock
 
 from vrbench.devices.ports import Session
 from vrbench.geometry import Transform

@@ -60,20 +60,36 @@ def test_the_window_slides_and_stays_small():
     assert clock.kept()[0][0] > START + 270 * NS
 
 
-@pytest.mark.parametrize("step_s", [-100.0, 0.05, 3600.0])
-def test_a_clock_that_steps_begins_anew(step_s):
+@pytest.mark.parametrize("step_s", [-100.0, -0.002, 0.002, 0.05, 3600.0])
+def test_an_echo_of_a_clock_that_has_stepped_is_not_taken_in(step_s):
     rng = np.random.default_rng(3)
     clock = TickClock(10_000_000)
     before, after = (list(echoes(rng, s, 10_000_000, 0.0)) for s in (5.0, 10.0))
     for echo in before:
         assert clock.add(echo)
+    kept = clock.kept()
     shifted = [(s, t + round(step_s * 1e7), r) for s, t, r in after[45:]]
-    assert not clock.add(shifted[0])
-    for echo in shifted[1:]:
+    assert not clock.add(next(echo for echo in shifted if echo[2] - echo[0] < 500_000))
+    assert clock.kept() == kept
+    assert clock.heard == before[-1][0]
+
+
+def test_a_clock_that_drifts_through_an_hour_of_silence_has_not_stepped():
+    rng = np.random.default_rng(4)
+    clock = TickClock(10_000_000)
+    for echo in echoes(rng, 2.0, 10_000_000, 100.0):
         assert clock.add(echo)
-    t = START + 9 * NS
-    ticks = server_ticks(t, 10_000_000, 0.0) + round(step_s * 1e7)
-    assert abs(clock.to_host(np.array([ticks]))[0] - t) < 1_000_000
+    late = START + 3600 * NS
+    assert clock.add((late, server_ticks(late + 30_000, 10_000_000, 100.0), late + 60_000))
+
+
+def test_answers_that_overtake_each_other_are_no_step():
+    rng = np.random.default_rng(5)
+    clock = TickClock(10_000_000)
+    sent = list(echoes(rng, 10.0, 10_000_000, 20.0))
+    for i in range(0, len(sent), 2):
+        assert clock.add(sent[i + 1])
+        assert clock.add(sent[i])
 
 
 @given(st.integers(0, 2**62), st.sampled_from([1, 3_312_787, 10_000_000, 2_994_380_000]))

@@ -3,11 +3,12 @@
 import struct
 
 import pytest
-from vrbench_optitrack.conversation import ROWS, Conversation
+from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.encode import encode_frame, encode_models
-from vrbench_optitrack.frames import UNSAID, Frame, RigidBody, Suffix
+from vrbench_optitrack.frame import UNSAID, Frame, RigidBody, Suffix
 from vrbench_optitrack.models import BodyModel, MarkerSetModel
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import ROWS
 from vrbench_optitrack.wire import (
     Message,
     ServerInfo,
@@ -82,13 +83,13 @@ def settle(talk, now=0, version=(4, 1), unit=1000.0, **more):
 
 
 def test_commands_are_asked_one_at_a_time_for_answers_have_no_tag(talk):
-    assert settle(talk, unit=25.4) == ["Bitstream", "UnitsToMillimeters"]
+    assert settle(talk, unit=25.4) == ["Bitstream", "UnitsToMillimeters", "FrameRate"]
     assert talk.unit_mm == pytest.approx(25.4)
     assert talk.body == BODY
 
 
 def test_in_multicast_nothing_is_asked_of_the_bitstream_and_no_keepalive_is_sent(talk):
-    assert settle(talk, multicast=True) == ["UnitsToMillimeters"]
+    assert settle(talk, multicast=True) == ["UnitsToMillimeters", "FrameRate"]
     assert talk.multicast
     later = [m for t in range(1, 50) for m in kinds(talk.outgoing(t * S // 10))]
     assert Message.KEEPALIVE not in later
@@ -113,8 +114,8 @@ def test_a_command_that_is_not_answered_is_given_up_and_metres_are_assumed(talk)
     talk.outgoing(0)
     talk.incoming(info((3, 0)), SERVER, 0)
     asked = [c for t in range(40) for c in requests(talk.outgoing(t * S // 10))]
-    assert asked == ["UnitsToMillimeters"] * 3
-    assert talk.unit_mm == 1000.0
+    assert asked == ["UnitsToMillimeters"] * 3 + ["FrameRate"] * 3
+    assert (talk.unit_mm, talk.rate_hz) == (1000.0, None)
 
 
 def test_a_later_server_is_asked_for_a_version_that_is_known(talk):
@@ -144,7 +145,7 @@ def test_a_frame_that_comes_twice_counts_once_and_missing_ones_are_told(talk):
     for index in (1, 1, 2, 5, 6, 1):
         talk.incoming(frame(index), FRAMES, S + index)
     assert [row.number for row in talk.rows] == [1, 2, 5, 6, 1]
-    assert talk.lost == 2
+    assert talk.rows.lost == 2
     assert [told.detail["frames"] for told in talk.told if told.kind == "gap"] == [2]
 
 
@@ -180,6 +181,74 @@ def test_an_echo_that_was_not_asked_for_is_not_believed(talk):
     talk.incoming(encode_echo_response(stamp, 88), SERVER, S + 2000)
     talk.incoming(encode_echo_response(stamp, 99), SERVER, S + 3000)
     assert list(talk.echoes) == [(S, 88, S + 2000)]
+
+
+def echo(talk, now, ticks, trip=100_000):
+    """A clock request of this moment, answered."""
+    (request,) = [p for p in talk.outgoing(now) if message_of(p) == Message.ECHO_REQUEST]
+    stamp = decode_echo_request(request)
+    talk.incoming(encode_echo_response(stamp, ticks), SERVER, now + trip)
+
+
+def test_frames_wait_for_an_answer_that_says_their_clock_has_not_stepped(talk):
+    settle(talk)
+    echo(talk, S, 1_000)
+    talk.incoming(frame(1), FRAMES, 2 * S)
+    assert talk.rows.settled(2 * S) == []
+    echo(talk, 2 * S + 1, 1_000 + 10_000_000)
+    (row,) = talk.rows.settled(2 * S + 200_000)
+    assert (row.number, row.sure, row.clock) == (1, True, talk.clock)
+
+
+def test_frames_do_not_wait_longer_than_a_second_or_past_the_end_of_a_take(talk):
+    settle(talk)
+    echo(talk, S, 1_000)
+    talk.incoming(frame(1), FRAMES, 2 * S)
+    assert [row.number for row in talk.rows.settled(3 * S + 1)] == [1]
+    talk.incoming(frame(2), FRAMES, 4 * S)
+    talk.rows.collecting = False
+    assert [row.number for row in talk.rows.settled(4 * S)] == [2]
+
+
+@pytest.mark.parametrize("step_ms", [-3600_000, -5, 5, 2500])
+def test_frames_between_two_answers_that_disagree_are_in_doubt(talk, step_ms):
+    settle(talk)
+    start = 5_000 * 10_000_000
+    for t in range(1, 6):
+        echo(talk, t * S, start + t * 10_000_000)
+    old = talk.clock
+    for i, at in enumerate((5 * S - 1, 5 * S + S // 10, 5 * S + S // 5)):
+        talk.incoming(frame(i), FRAMES, at)
+    echo(talk, 5 * S + S // 4, start + 52_500_000 + step_ms * 10_000)
+    talk.incoming(frame(3), FRAMES, 5 * S + S // 3)
+    talk.incoming(frame(4), FRAMES, 5 * S + S // 2)
+    echo(talk, 6 * S, start + 60_000_000 + step_ms * 10_000)
+    rows = talk.rows.settled(6 * S + 200_000)
+    assert [row.sure for row in rows] == [True, False, False, False, True]
+    assert [row.clock is old for row in rows] == [True] * 3 + [False] * 2
+    (step,) = [told for told in talk.told if told.kind == "clock-step"]
+    assert step.detail["by_s"] == pytest.approx(step_ms * 1e-3, abs=1e-3)
+
+
+def test_before_3_0_a_server_does_not_say_how_it_sends_and_is_kept_awake():
+    talk = Conversation(Options(body="headset"), "10.0.0.1")
+    settle(talk, version=(2, 9))
+    sent = [m for t in range(1, 51) for m in kinds(talk.outgoing(t * S // 10))]
+    assert sent.count(Message.KEEPALIVE) == pytest.approx(5, abs=1)
+    assert talk.described()["way"] == "unicast or multicast"
+
+
+def test_models_that_are_not_sent_are_asked_for_by_their_types_too(talk):
+    talk.outgoing(0)
+    talk.incoming(info(), SERVER, 0)
+    asked = []
+    for t in range(40):
+        for packet in talk.outgoing(t * S // 10):
+            if message_of(packet) == Message.REQUEST:
+                talk.incoming(number(1000.0), SERVER, t * S // 10)
+            if message_of(packet) == Message.REQUEST_MODELDEF:
+                asked.append(packet[4:])
+    assert asked[:4] == [b"", b"\3\0\0\0", b"", b"\3\0\0\0"]
 
 
 def test_models_are_asked_again_when_they_have_changed(talk):
@@ -236,10 +305,12 @@ def test_a_server_that_is_too_old_is_told(talk):
 
 def test_rows_that_nobody_reads_are_bounded_and_counted(talk):
     settle(talk)
+    packet = bytearray(frame(0))
     for index in range(ROWS + 10):
-        talk.incoming(frame(index), FRAMES, index)
+        struct.pack_into("<i", packet, 4, index)
+        talk.incoming(bytes(packet), FRAMES, index)
     assert len(talk.rows) == ROWS
-    assert talk.overflown == 10
+    assert talk.rows.overflown == 10
 
 
 @pytest.mark.parametrize(

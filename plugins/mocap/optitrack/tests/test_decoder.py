@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.encode import encode_frame, encode_models
-from vrbench_optitrack.frames import (
+from vrbench_optitrack.frame import (
     UNSAID,
     Asset,
     BodyMarker,
@@ -19,9 +20,8 @@ from vrbench_optitrack.frames import (
     RigidBody,
     Skeleton,
     Suffix,
-    decode_bodies,
-    decode_frame,
 )
+from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.models import (
     AssetMarkerModel,
     AssetModel,
@@ -316,6 +316,68 @@ def test_a_later_version_is_read_by_the_sizes_of_its_sections():
         assert [row[0] for row in decode_bodies(grown, (4, 3)).bodies] == [0, 1, 2]
         with pytest.raises(NatNetError, match=r"NatNet 4\.2"):
             decode_frame(grown, (4, 2))
+
+
+def grown_tail(packet, more, size=54):
+    """A frame of 4.2 that has further sections before its suffix."""
+    out = packet[:-size] + more + packet[-size:]
+    return out[:2] + struct.pack("<H", len(out) - 4) + out[4:]
+
+
+def grown_suffix(packet, more):
+    """A frame of 4.2 that has further fields before its suffix's last two, as PTP's came."""
+    out = packet[:-6] + more + packet[-6:]
+    return out[:2] + struct.pack("<H", len(out) - 4) + out[4:]
+
+
+LATER_SECTIONS = [
+    struct.pack("<ii", 0, 0),
+    struct.pack("<ii8s", 1, 8, b"whatever"),
+    struct.pack("<ii8sii", 1, 8, bytes(8), 0, 0),
+]
+
+
+@pytest.mark.parametrize("code", [0, 77])
+@pytest.mark.parametrize("stamp", [0.0, 3.5])
+@pytest.mark.parametrize("ptp", [0, 1_795_000_000])
+def test_a_later_frame_ends_in_further_sections_or_fields_and_its_times_are_right(code, stamp, ptp):
+    body = RigidBody(7, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), 0.5, 1)
+    ticks = [5_000 * 10**7 + i * 30_000 for i in range(3)]
+    suffix = Suffix(code, code, stamp, 0.0, *ticks, ptp, ptp, 2)
+    frame = Frame(5, [], [], [body], [], [], [], [], [], suffix)
+    packet = encode_frame(frame, (4, 2))
+    later = [grown_tail(packet, more) for more in LATER_SECTIONS]
+    later += [grown_suffix(packet, more) for more in (bytes(4), bytes(8), b"12345678", b"x" * 24)]
+    for each in later:
+        with pytest.raises(NatNetError, match=r"in NatNet 4\.2 it is 54"):
+            decode_bodies(each, (4, 2))
+        for decode in FRAME_DECODERS:
+            assert decode(each, (4, 3)).suffix == suffix
+
+
+def test_the_bones_of_a_later_version_are_left_out_and_the_rest_is_read():
+    body = RigidBody(7, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), 0.5, 1)
+    suffix = Suffix(1, 2, 3.0, 0.0, 4, 5, 6, 7, 8, 9)
+    frame = Frame(5, [], [], [body], [Skeleton(3, [body, body])], [], [], [], [], suffix)
+    grown = later(encode_frame(frame, (4, 2)), 3, b"more")
+    read = decode_frame(grown, (4, 3))
+    assert (read.bodies, read.skeletons, read.suffix) == ([body], [], suffix)
+    with pytest.raises(NatNetError):
+        decode_frame(grown, (4, 2))
+
+
+def test_a_later_description_of_a_body_is_read_as_far_as_it_is_known():
+    body = BodyModel("hmd", 4, -1, (0.0, 0.0, 0.0), markers=((1.0, 2.0, 3.0),), labels=(0,))
+    packet = encode_models([body], (4, 2))
+    size = struct.unpack_from("<i", packet, 12)[0]
+    for more, at in ((b"more", len(packet)), (b"\xff" * 8, 16 + len("hmd") + 1 + 20)):
+        out = packet[:at] + more + packet[at:]
+        out = out[:12] + struct.pack("<i", size + len(more)) + out[16:]
+        out = out[:2] + struct.pack("<H", len(out) - 4) + out[4:]
+        (read,) = decode_models(out, (4, 3))
+        assert (read.name, read.id) == ("hmd", 4)
+        with pytest.raises(NatNetError):
+            decode_models(out, (4, 2))
 
 
 def test_a_later_description_of_a_camera_is_kept_as_bytes_and_the_bodies_are_read():

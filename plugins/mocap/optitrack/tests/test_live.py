@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from vrbench_optitrack import check, client
 from vrbench_optitrack.client import OPTITRACK, OptiTrack, topic_name
+from vrbench_optitrack.clock import TickClock
 from vrbench_optitrack.encode import encode_frame
-from vrbench_optitrack.frames import Frame, RigidBody, Suffix
+from vrbench_optitrack.frame import Frame, RigidBody, Suffix
 from vrbench_optitrack.link import discover
+from vrbench_optitrack.rows import Row
 from vrbench_optitrack.scene import MARKERS, Scene
 
 from vrbench.errors import DeviceError
@@ -129,6 +131,22 @@ def test_a_body_that_is_lost_is_invalid_and_not_a_frozen_pose(
     assert np.all(np.linalg.norm(np.diff(good, axis=0), axis=1) > 0)
 
 
+@pytest.mark.parametrize("by_s", [0.005, -1000.0])
+def test_no_good_pose_has_a_time_of_a_clock_that_has_stepped(motive, session, options, by_s):
+    server = motive("--rate", 250, "--step-after", 1.5, "--step-by", by_s)
+    with OptiTrack(options(server), session) as source:
+        time.sleep(max(0.0, server.first_frame_ns / 1e9 + 1.2 - time.monotonic()))
+        parts = record(source, 1.0)
+    samples = samples_of(parts)
+    (step,) = events_of(parts, "clock-step")
+    assert step.detail["by_s"] == pytest.approx(by_s, abs=0.002)
+    good = samples[samples.good]
+    away = np.linalg.norm(good.pose.p - true_head(server, good.pose_t).p, axis=1)
+    assert away.max() < 1e-3
+    assert 0 < np.count_nonzero(~samples.good) < len(samples) / 2
+    np.testing.assert_array_equal(samples.pose_t[~samples.good], samples.receive_t[~samples.good])
+
+
 def test_frames_that_never_come_are_counted(motive, session, options):
     server = motive("--drop", 0.2, "--rate", 500)
     with OptiTrack(options(server), session) as source:
@@ -143,6 +161,7 @@ def test_the_body_is_followed_when_its_streaming_id_changes(motive, session, opt
         source.start("take")
         while time.monotonic_ns() < server.first_frame_ns + 1.7e9:
             time.sleep(0.05)
+        source.stop()
         parts = [source.read()]
     samples = samples_of(parts)
     assert samples.good[-20:].all()
@@ -159,6 +178,7 @@ def test_a_bitstream_that_changes_is_followed_by_a_new_handshake(
         source.start("take")
         while time.monotonic_ns() < server.first_frame_ns + 2.2e9:
             time.sleep(0.05)
+        source.stop()
         parts = [source.read()]
     samples = samples_of(parts)
     assert samples.good[-20:].all()
@@ -203,6 +223,7 @@ def test_frames_of_another_sender_are_dropped(motive, session, options):
             for _ in range(20):
                 other.sendto(fake, ("239.255.42.99", server.data_port))
         time.sleep(0.3)
+        source.stop()
         samples = source.read().poses["mocap/headset"]
     assert np.abs(samples.pose.p).max() < 5.0
 
@@ -244,8 +265,10 @@ def test_a_server_that_falls_silent_is_an_error_and_not_a_hang(motive, session, 
     server = motive()
     with OptiTrack(options(server, silence_s=0.5), session) as source:
         source.start("take")
-        time.sleep(0.2)
-        assert len(source.read().poses["mocap/headset"])
+        end = time.monotonic() + 5.0
+        while not source.read().poses:
+            assert time.monotonic() < end
+            time.sleep(0.02)
         server.stop()
         with pytest.raises(DeviceError, match=r"has sent no frame|no longer answers|can't send"):
             for _ in range(40):
@@ -304,6 +327,19 @@ def test_check_tells_what_is_wrong(motive, session, options, arguments, more, sa
     (finding,) = wrong
     assert says in finding.what
     assert fix in finding.fix
+
+
+@pytest.mark.parametrize(("said_hz", "ok"), [(None, True), (240.0, True), (360.0, False)])
+def test_check_compares_the_rate_with_the_one_that_is_said(said_hz, ok):
+    clock = TickClock(1_000_000)
+    clock.add((0, 0, 100))
+    stamps = [(round(i * 1e6 / 240) + 1, 0, 0) for i in range(100)]
+    # arrivals in two bursts, as on a busy computer
+    rows = [Row(i // 50 * 10**9, i, s, None, True, clock, True) for i, s in enumerate(stamps)]
+    finding = check._rate(rows, 0, said_hz)
+    assert finding.ok == ok
+    assert finding.what.startswith("240 frames a second, 0.0 % lost")
+    assert ("though Motive says 360" in finding.what) == (not ok)
 
 
 @pytest.mark.usefixtures("impatient")

@@ -11,6 +11,9 @@ from vrbench_optitrack.motive_csv import IMPORTER, Options
 
 from vrbench.errors import DataError
 from vrbench.geometry import relative_angle
+from vrbench.importing import import_recordings
+from vrbench.plugin.manager import Plugins
+from vrbench.protocols.body import body_shapes
 
 N = 40
 RNG = np.random.default_rng(4)
@@ -34,6 +37,7 @@ def export(
     space="Global",
     start=START,
     extra_bodies=(),
+    carried=(),
 ):
     """A file as Motive writes it: a marker's columns before the body's, and the body's after."""
     facts = ["Format Version", version, "Take Name", "take", "Take Notes", ""]
@@ -50,6 +54,13 @@ def export(
             ids.append('"9D1FE3FA7E3011EE"')
             kinds.append(kind)
             columns.append(axis)
+    for number in range(len(carried)):
+        for axis in "XYZ":
+            types.append("Rigid Body Marker")
+            names.append(f"{body}:Marker{number + 1}")
+            ids.append('"9D1FE3FA7E3011EF"')
+            kinds.append("Position")
+            columns.append(axis)
     marker = (["Marker"] * 3, [f"{body}:Marker1"] * 3, ['"2A"'] * 3, ["Position"] * 3, list("XYZ"))
     types, names, ids, kinds, columns = (
         m + b for m, b in zip(marker, (types, names, ids, kinds, columns), strict=True)
@@ -61,11 +72,13 @@ def export(
         lines.append(",".join(["", "Parent", *names]))
     lines += [",".join(["", "", *kinds]), ",".join(["Frame", "Time (Seconds)", *columns])]
     turned = Rotation.from_quat(Q)
-    turns = Q if rotation == "Quaternion" else turned.as_euler(rotation, degrees=True)
+    turns = Q if rotation == "Quaternion" else turned.as_euler(rotation[:3], degrees=True)
     if rotation != "Quaternion":
         turns = turns[:, [rotation.index(axis) for axis in "XYZ"]]
+    spots = np.concatenate([turned.apply(m) + P for m in carried], axis=1) if carried else P[:, :0]
     for i in range(N):
-        values = [*turns[i], *(P[i] * UNITS.get(unit, 1.0)), 0.0002]
+        scale = UNITS.get(unit, 1.0)
+        values = [*turns[i], *(P[i] * scale), 0.0002, *(spots[i] * scale)]
         cells = [f"{x:.6f}" for x in values] if i not in blanks else [""] * len(values)
         other = [f"{x:.6f}" for _ in extra_bodies for x in [0.0] * (len(axes) - 1) + [1.0] * 5]
         marked = [f"{x:.6f}" for x in P[i]] if i not in blanks else [""] * 3
@@ -95,7 +108,7 @@ def test_every_version_and_unit(read, version, unit):
     assert imported.repairs == ()
 
 
-@pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
+@pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYZ Euler"])
 def test_every_rotation_type(read, order):
     samples = read(export(rotation=order)).samples
     assert relative_angle(samples.pose.q, Q).max() < 1e-5
@@ -109,6 +122,46 @@ def test_euler_angles_turn_about_the_bodys_own_axes(read):
     # a quarter about x, then one about the new y: x goes to where z was taken to by the first
     turned = Rotation.from_quat(samples.pose.q[-1]).apply(np.eye(3))
     np.testing.assert_allclose(turned, [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-6)
+
+
+CARRIED = [(0.08, 0.01, 0.0), (-0.05, 0.06, 0.02), (0.0, 0.03, -0.09)]
+
+
+@pytest.mark.parametrize("unit", ["Meters", "Millimeters"])
+def test_where_the_bodys_markers_sit_is_read(read, unit):
+    imported = read(
+        export(unit=unit, carried=CARRIED, blanks=(0, 7), extra_bodies=["a"]), body="headset"
+    )
+    np.testing.assert_allclose(imported.markers, CARRIED, atol=1e-5)
+    assert read(export()).markers is None
+
+
+def test_with_z_up_markers_are_turned_as_the_body_is(read):
+    markers = read(export(carried=CARRIED), up="z").markers
+    x, y, z = np.transpose(CARRIED)
+    np.testing.assert_allclose(markers, np.stack((x, z, -y), axis=1), atol=1e-5)
+
+
+RECORDINGS = """
+suite: head-capture
+lab: test
+device: {headset: unknown}
+licence: CC-BY-4.0
+consent: written
+takes:
+  - {case: play, motion: mine, mocap: {format: motive-csv, path: take.csv}}
+"""
+
+
+def test_an_imported_take_tells_where_the_markers_sit(tmp_path):
+    (tmp_path / "take.csv").write_text(export(carried=CARRIED), encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(RECORDINGS, encoding="utf-8")
+    plugins = Plugins()
+    bundle = import_recordings(
+        str(tmp_path / "mine.yaml"), tmp_path / "run", plugins, lambda *_: None
+    )
+    (shape,) = body_shapes(bundle.columns(bundle.record.takes[0]), "mocap")
+    np.testing.assert_allclose(shape, np.array(CARRIED) * 1e3, atol=0.01)
 
 
 def test_blank_cells_are_invalid_samples_in_their_place(read):

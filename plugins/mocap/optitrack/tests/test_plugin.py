@@ -6,7 +6,9 @@ from pathlib import Path
 import pluggy
 import pytest
 import vrbench_optitrack
+from click.testing import CliRunner
 from pydantic import ValidationError
+from vrbench_optitrack.emulator import main
 from vrbench_optitrack.options import Options
 
 HERE = Path(__file__).parents[1]
@@ -89,14 +91,28 @@ def test_rig_check_says_what_is_there_and_what_is_wrong(motive, tmp_path):
     assert "mocap.options: up: found 'x'" in ran.stderr
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--host", "192.0.2.1", "'192.0.2.1' isn't a loopback address"),
+        ("--group", "1.2.3.4", "'1.2.3.4' isn't a multicast address"),
+        ("--version", "4.3", "'4.3' isn't a version of NatNet from 2.5 to 4.2"),
+        ("--motion", "nosuch", "'nosuch' is not one of"),
+        ("--frequency", "0", "0 is not in the range"),
+        ("--unit-mm", "0", "0.0 is not in the range"),
+    ],
+)
+def test_the_emulator_refuses_what_no_motive_has(option, value, says):
+    ran = CliRunner().invoke(main, [option, value, "--duration", "0.1"])
+    assert ran.exit_code == 2
+    assert says in ran.output
+
+
 def test_plugin_emulate_runs_the_emulator_with_its_own_arguments():
     more = ("--command-port", "0", "--data-port", "0", "--duration", "0.2", "--version", "3.1")
     ran = vrbench("plugin", "emulate", "optitrack", "--", *more)
     assert (ran.returncode, ran.stderr) == (0, "")
     assert '"version": "3.1"' in ran.stdout
-    ran = vrbench("plugin", "emulate", "optitrack", "--", "--host", "192.0.2.1")
-    assert ran.returncode == 2
-    assert "192.0.2.1 isn't a loopback address" in ran.stderr
     ran = vrbench("plugin", "emulate", "nothing")
     assert ran.returncode == 2
     assert "no emulator of 'nothing' (there are optitrack" in ran.stderr

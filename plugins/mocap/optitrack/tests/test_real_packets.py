@@ -4,8 +4,10 @@ import json
 import re
 
 import pytest
+from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.encode import encode_frame, encode_models
-from vrbench_optitrack.frames import VALID, decode_bodies, decode_frame
+from vrbench_optitrack.frame import VALID
+from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.models import BodyModel, MarkerSetModel, decode_models
 from vrbench_optitrack.wire import (
     NatNetError,

@@ -10,19 +10,23 @@ import numpy as np
 from vrbench.devices.ports import Finding, Session
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.geometry import Floats
+from vrbench.trajectory import NS
 from vrbench_optitrack.axes import Up, to_y_up
-from vrbench_optitrack.conversation import Conversation, Row
+from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.link import discover
 from vrbench_optitrack.listener import Listener
 from vrbench_optitrack.models import CameraModel, bodies_of
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Row
 from vrbench_optitrack.wire import NEWEST, OLDEST, NatNetError, version_text
 
 ANSWER_S, MODELS_S, FRAMES_S, WATCH_S = 2.0, 2.0, 2.0, 1.5
 LOW_M, HIGH_M = 0.2, 2.5
 """How high above the floor a head or the flange of a robot is."""
 CAMERA_LOW_M = 0.5
+RATE_OFF = 0.15
+"""By so much may the rate of a while differ from what the server says."""
 
 
 def check(options: Options, session: Session) -> Iterator[Finding]:
@@ -79,23 +83,37 @@ def _watch(listener: Listener, options: Options) -> Iterator[Finding]:
     talk = listener.talk
     with listener.lock:
         talk.rows.clear()
-        talk.lost = 0
+        talk.rows.lost = 0
     time.sleep(WATCH_S)
     with listener.lock:
-        rows, lost, newest = list(talk.rows), talk.lost, talk.newest
+        rows, lost, newest = list(talk.rows), talk.rows.lost, talk.newest
     if not rows:
         yield Finding(False, "frames have stopped", "is Motive in Live mode?")
         return
-    rate = (len(rows) - 1) / max(1e-9, (rows[-1].arrival - rows[0].arrival) / 1e9)
-    part = 100.0 * lost / (lost + len(rows))
-    yield Finding(
-        part < 1.0,
-        f"{rate:.0f} frames a second, {part:.1f} % lost",
-        "" if part < 1.0 else "a cable instead of Wi-Fi, a lower rate, or unicast",
-    )
+    yield _rate(rows, lost, talk.rate_hz)
     yield _tracking(rows, options)
     yield from _clock(talk, rows)
     yield _up(talk, rows, newest, options)
+
+
+def _rate(rows: list[Row], lost: int, said_hz: float | None) -> Finding:
+    """Whether frames come as often as Motive says, and all of them."""
+    clock, first, last = rows[-1].clock, rows[0].stamps[0], rows[-1].stamps[0]
+    # by the cameras' own time: arrivals of so short a while, on a busy computer, say little
+    exposed_s = (last - first) / clock.frequency if clock is not None and 0 < first < last else None
+    seconds = exposed_s or (rows[-1].arrival - rows[0].arrival) / NS
+    rate = (len(rows) - 1) / max(1e-9, seconds)
+    part = 100.0 * lost / (lost + len(rows))
+    what = f"{rate:.0f} frames a second, {part:.1f} % lost"
+    if part >= 1.0:
+        return Finding(False, what, "a cable instead of Wi-Fi, a lower rate, or unicast")
+    if exposed_s and said_hz is not None and abs(rate / said_hz - 1.0) > RATE_OFF:
+        return Finding(
+            False,
+            f"{what}, though Motive says {said_hz:g}",
+            "do all cameras keep up (Motive's status bar)? Is the rate of streaming another one?",
+        )
+    return Finding(True, what)
 
 
 def _tracking(rows: list[Row], options: Options) -> Finding:
@@ -208,11 +226,7 @@ def _greeting(talk: Conversation) -> str:
     server = talk.server
     if server is None:
         return ""
-    way = (
-        f"multicast to {server.group}"
-        if talk.multicast and server.group
-        else ("multicast" if talk.multicast else "unicast")
-    )
+    way = f"multicast to {server.group}" if talk.multicast and server.group else talk.way
     clock = f", clock {server.frequency / 1e6:g} MHz" if server.frequency else ""
     later = "; later than 4.2, read by the sizes it gives" if server.version > NEWEST else ""
     application = version_text(server.application_version)

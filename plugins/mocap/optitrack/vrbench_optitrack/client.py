@@ -11,20 +11,23 @@ import numpy as np
 
 from vrbench.devices.ports import MocapSpec, Session
 from vrbench.errors import DeviceError, VrbenchError
-from vrbench.geometry import Floats, Ints, Transform, quat_normalize
+from vrbench.geometry import Bools, Floats, Ints, Transform, quat_normalize
 from vrbench.streams import GOOD, Columns, Event, Samples
-from vrbench.trajectory import QUATERNION_TOLERANCE
+from vrbench.trajectory import NS, QUATERNION_TOLERANCE
 from vrbench_optitrack.axes import pose_to_y_up, to_y_up
 from vrbench_optitrack.check import check, no_answer, no_body, no_frames
-from vrbench_optitrack.clock import TickClock, exchanges_of, ticks_to_ns
-from vrbench_optitrack.conversation import Conversation, Row
+from vrbench_optitrack.clock import exchanges_of, ticks_to_ns
+from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.listener import Listener
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Row
 
 ANSWER_S, FRAMES_S, MODELS_S = 2.0, 3.0, 3.0
 SOURCES = ("mid-exposure", "data-received", "transmit", "arrival")
 """What a pose's time was taken from: the first of them that the frame has."""
+EARLY_NS, LATE_NS = NS // 1000, 10 * NS
+"""How much before its arrival a frame can't have been taken: in the future, or so long ago."""
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -83,7 +86,7 @@ class OptiTrack:
         with self._listener.lock:
             talk.rows.clear()
             talk.told.clear()
-            talk.overflown, talk.collecting = 0, True
+            talk.rows.overflown, talk.rows.collecting = 0, True
             now = self._session.host.now()
             self._events = [Event(now, "server", {**talk.described(), "clock": "optitrack"})]
             self._source = self._shape = None
@@ -101,40 +104,38 @@ class OptiTrack:
         listener = self._listener
         with listener.lock:
             talk = listener.talk
-            rows, echoes = list(talk.rows), list(talk.echoes)
             if not self._started:
                 return Columns({})
-            talk.rows.clear()
+            now = self._session.host.now()
+            rows, echoes = talk.rows.settled(now), list(talk.echoes)
             talk.echoes.clear()
             self._events += [Event(*told) for told in talk.told]
             talk.told.clear()
-            failure = listener.failure or talk.failure(self._session.host.now())
+            failure = listener.failure or talk.failure(now)
             self._tell_shape(talk)
-            if talk.overflown:
-                now = self._session.host.now()
-                lost = {"stream": "mocap", "frames": talk.overflown, "why": "read too late"}
+            if talk.rows.overflown:
+                lost = {"stream": "mocap", "frames": talk.rows.overflown, "why": "read too late"}
                 self._events.append(Event(now, "gap", lost))
-                talk.overflown = 0
-            clock, unit_mm = talk.clock, talk.unit_mm
+                talk.rows.overflown = 0
+            # under the lock: the other thread takes echoes into the clocks that map the rows
+            poses = {self._stream: self._samples(rows, talk.unit_mm)} if rows else {}
+            clocks = {}
+            if talk.clock is not None and echoes:
+                clocks["optitrack"] = exchanges_of(echoes, talk.clock.frequency)
         if failure is not None and not rows:
             raise failure
-        poses = {self._stream: self._samples(rows, clock, unit_mm)} if rows else {}
-        clocks = {}
-        if clock is not None and echoes:
-            clocks["optitrack"] = exchanges_of(echoes, clock.frequency)
         events, self._events = self._events, []
         return Columns(poses, events=events, clocks=clocks)
 
     def stop(self) -> None:
         """Ends a take: what came up to now can still be read."""
         with self._listener.lock:
-            self._listener.talk.collecting = False
+            self._listener.talk.rows.collecting = False
 
-    def _samples(self, rows: list[Row], clock: TickClock | None, unit_mm: float) -> Samples:
+    def _samples(self, rows: list[Row], unit_mm: float) -> Samples:
         n = len(rows)
         arrival = np.array([row.arrival for row in rows], dtype=np.int64)
-        stamps = np.array([row.stamps for row in rows], dtype=np.uint64).astype(np.int64)
-        source_t, pose_t, source = self._times(arrival, stamps, clock)
+        source_t, pose_t, source, sure = _times(rows, arrival)
         for i in np.flatnonzero(
             np.diff(source, prepend=-1 if self._source is None else self._source)
         ):
@@ -146,7 +147,7 @@ class OptiTrack:
         sane = np.isfinite(values).all(axis=1) & (np.abs(length - 1.0) < QUATERNION_TOLERANCE)
         values[~sane] = IDENTITY
         pose = Transform(values[:, :3] * (unit_mm * 1e-3), quat_normalize(values[:, 3:]))
-        valid = np.array([row.valid for row in rows]) & sane
+        valid = np.array([row.valid for row in rows]) & sane & sure
         return Samples(
             source_t=source_t,
             pose_t=pose_t,
@@ -155,19 +156,6 @@ class OptiTrack:
             flags=np.where(valid, GOOD, 0).astype(np.uint32),
             epoch=np.zeros(n, dtype=np.uint32),
         )
-
-    def _times(
-        self, arrival: Ints, stamps: Ints, clock: TickClock | None
-    ) -> tuple[Ints, Ints, Ints]:
-        """Source times, pose times on the host's clock, and which of SOURCES they are from."""
-        if not clock:
-            return arrival, arrival, np.full(len(arrival), 3)
-        there = stamps > 0
-        source = np.where(there.any(axis=1), np.argmax(there, axis=1), 3)
-        chosen = np.take_along_axis(stamps, np.minimum(source, 2)[:, None], axis=1)[:, 0]
-        mapped = source < 3
-        source_t = np.where(mapped, ticks_to_ns(chosen, clock.frequency), arrival)
-        return source_t, np.where(mapped, clock.to_host(chosen), arrival), source
 
     def _tell_shape(self, talk: Conversation) -> None:
         """Where the markers sit about the pivot, at the start of a take and at every change."""
@@ -198,6 +186,28 @@ class OptiTrack:
             if late:
                 return
             time.sleep(0.01)
+
+
+def _times(rows: list[Row], arrival: Ints) -> tuple[Ints, Ints, Ints, Bools]:
+    """Source times, pose times on the host's clock, which of SOURCES they are from, which hold.
+
+    A time after the frame's arrival, or long before it, is of a clock that has stepped: such a
+    frame, and one that its source says may be stamped by another clock, has its arrival instead.
+    """
+    stamps = np.array([row.stamps for row in rows], dtype=np.uint64).astype(np.int64)
+    there = (stamps > 0) & np.array([row.clock is not None for row in rows])[:, None]
+    source = np.where(there.any(axis=1), np.argmax(there, axis=1), 3)
+    chosen = np.take_along_axis(stamps, np.minimum(source, 2)[:, None], axis=1)[:, 0]
+    source_t, pose_t = arrival.copy(), arrival.copy()
+    for clock in {row.clock for row in rows}:
+        if clock is None:
+            continue
+        of_it = np.array([row.clock is clock for row in rows]) & (source < 3)
+        source_t[of_it] = ticks_to_ns(chosen[of_it], clock.frequency)
+        pose_t[of_it] = clock.to_host(chosen[of_it])
+    sure = np.array([row.sure for row in rows])
+    sure &= (pose_t <= arrival + EARLY_NS) & (pose_t >= arrival - LATE_NS)
+    return source_t, np.where(sure, pose_t, arrival), np.where(sure, source, 3), sure
 
 
 def shape_of(talk: Conversation, options: Options) -> dict[str, Any] | None:

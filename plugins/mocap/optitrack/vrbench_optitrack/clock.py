@@ -13,7 +13,8 @@ from vrbench.trajectory import NS
 
 WINDOW = 120
 SKEW_AFTER_S = 4.0
-STEP_S = 0.01
+STEP_NS, DRIFT_PPM = 500_000, 200
+"""What the map may err by, besides what its echoes' trips allow: at all, and since the last."""
 SLOW, SLOW_NS = 2, 200_000
 """An echo slower than so many times the quickest, and so much more [ns], tells nothing."""
 Echo = tuple[int, int, int]
@@ -34,10 +35,14 @@ class TickClock:
 
     Args:
         frequency: ticks a second of the server's clock [Hz].
+
+    Attributes:
+        heard: when the newest request left that was answered as the map says [ns, host].
     """
 
     def __init__(self, frequency: int) -> None:
         self.frequency = frequency
+        self.heard = 0
         self._kept: deque[Echo] = deque(maxlen=WINDOW)
         self._base = 0
         self._fit: ExchangeFit | None = None
@@ -47,12 +52,10 @@ class TickClock:
         return bool(self._kept)
 
     def add(self, echo: Echo) -> bool:
-        """Takes an echo in; False where the server's clock has stepped, and all begins anew."""
+        """Takes an echo in; False, and it isn't, where the server's clock has stepped."""
         if self._kept and not self._agrees(echo):
-            self._kept.clear()
-            self._kept.append(echo)
-            self._fit = None
             return False
+        self.heard = max(self.heard, echo[0])
         if self._kept and self._kept[-1][0] // NS == echo[0] // NS:
             if _trip(echo) >= _trip(self._kept[-1]):
                 return True
@@ -69,8 +72,7 @@ class TickClock:
         """The map's parameters; its device clock is `shifted` ticks."""
         if self._fit is None:
             first = self._kept[0]
-            least = min(map(_trip, self._kept))
-            quick = [echo for echo in self._kept if _trip(echo) <= SLOW * least + SLOW_NS]
+            quick = [echo for echo in self._kept if _trip(echo) <= self._slowest()]
             # The two clocks may lie decades apart: floats would lose what counts.
             self._base = first[0] - int(ticks_to_ns(np.array([first[1]]), self.frequency)[0])
             self._fit = fit_exchanges(
@@ -93,10 +95,14 @@ class TickClock:
 
     def _agrees(self, echo: Echo) -> bool:
         sent, ticks, received = echo
-        if ticks < self._kept[-1][1]:
-            return False
         there = int(self.to_host(np.array([ticks]))[0])
-        return sent - STEP_S * NS <= there <= received + STEP_S * NS
+        since = max(0, sent - self._kept[-1][2])
+        slack = STEP_NS + self._slowest() // 2 + since * DRIFT_PPM // 1_000_000
+        return sent - slack <= there <= received + slack
+
+    def _slowest(self) -> int:
+        """The longest trip of an echo that counts [ns]."""
+        return SLOW * min(map(_trip, self._kept)) + SLOW_NS
 
 
 def exchanges_of(echoes: Sequence[Echo], frequency: int, base: int = 0) -> Exchanges:

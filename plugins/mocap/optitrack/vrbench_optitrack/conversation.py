@@ -7,22 +7,20 @@ silence begin it anew.
 
 from __future__ import annotations
 
+import struct
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
+
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.trajectory import NS
+from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.clock import Echo, TickClock
-from vrbench_optitrack.frames import (
-    BITSTREAM_CHANGED,
-    MODELS_CHANGED,
-    UNSAID,
-    VALID,
-    BodyRow,
-    decode_bodies,
-)
+from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED
 from vrbench_optitrack.models import BodyModel, Model, bodies_of, decode_models
 from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Rows
 from vrbench_optitrack.wire import (
     HEADER,
     NEWEST,
@@ -45,32 +43,15 @@ from vrbench_optitrack.wire import (
 )
 
 Address = tuple[str, int]
-ROWS = 60_000
-"""Frames that are held for `read`: a minute at 1000 Hz; older ones are dropped, and counted."""
 RETRY_NS = NS // 2
+ECHOES = 60_000
+MODEL_TYPES = struct.pack("<i", 0x03)
+"""Marker sets and bodies: a Motive 3.1 in the field answered none but requests that say so."""
 TRIES = 3
 KEEPALIVE_NS = NS
 QUICK_ECHO_NS = NS // 10
 SILENT_NS = NS
 GREETING = encode_greeting(Greeting("vrbench", (0, 1, 0, 0), (*NEWEST, 0, 0)))
-
-
-class Row(NamedTuple):
-    """A frame, as much of it as counts.
-
-    Attributes:
-        arrival: when it came [ns, host].
-        number: of the frame.
-        stamps: mid-exposure, data received, transmit [ticks]; 0 where not known.
-        body: the wanted body; None where it isn't in the frame.
-        valid: whether it is tracked.
-    """
-
-    arrival: int
-    number: int
-    stamps: tuple[int, int, int]
-    body: BodyRow | None
-    valid: bool
 
 
 class Told(NamedTuple):
@@ -88,18 +69,16 @@ class Conversation:
         server: SERVERINFO; None before it came.
         version: the bitstream's; None before it is settled.
         unit_mm: of lengths in the stream [mm].
+        rate_hz: frames a second as the server says; None where it doesn't.
         models: model definitions; None before they came.
-        clock: of the server; None before NatNet 3.
-        rows: frames, newest last.
+        clock: of the server, another after each step of it; None before NatNet 3.
+        rows: frames that wait to be read.
         echoes: answered clock requests.
         told: what happened.
         packets: frames that came, readable or not.
         unreadable: why the newest unreadable frame is so; None after a readable one.
-        lost: frames whose number never came.
-        overflown: rows that `read` came too late for.
         strangers: packets dropped, for another sender's.
         newest: the newest readable frame, whole.
-        collecting: whether frames become rows.
     """
 
     def __init__(self, options: Options, server: str) -> None:
@@ -107,19 +86,18 @@ class Conversation:
         self.server: ServerInfo | None = None
         self.version: Version | None = None
         self.unit_mm = 1000.0
+        self.rate_hz: float | None = None
         self.models: list[Model] | None = None
         self.clock: TickClock | None = None
-        self.rows: deque[Row] = deque(maxlen=ROWS)
-        self.echoes: deque[Echo] = deque(maxlen=ROWS)
+        self.rows = Rows()
+        self.echoes: deque[Echo] = deque(maxlen=ECHOES)
         self.told: deque[Told] = deque(maxlen=1000)
-        self.packets = self.lost = self.overflown = self.strangers = 0
+        self.packets = self.strangers = 0
         self.unreadable: str | None = None
         self.newest = b""
-        self.collecting = True
         self.multicast = options.connection == "multicast"
         self._body_id: int | None = None
         self._sender: Address | None = None
-        self._last_row: Row | None = None
         self._packet_at = self._unreadable_since = self._greeting_since = 0
         self._wants_greeting = True
         self._awaits_server = False
@@ -128,7 +106,7 @@ class Conversation:
         self._questions: deque[str] = deque()
         self._asked: str | None = None
         self._asked_at = self._tries = 0
-        self._next_models = 0
+        self._next_models = self._models_asked = 0
         self._want_models = False
 
     @property
@@ -177,12 +155,14 @@ class Conversation:
             self._next_greeting = now + RETRY_NS
         if self.server is None:
             return out
-        if not self.multicast and now >= self._next_keepalive:
+        if self.way != "multicast" and now >= self._next_keepalive:
             out.append(packed(Message.KEEPALIVE))
             self._next_keepalive = now + KEEPALIVE_NS
         out += self._question(now)
         if self._want_models and not self._questions and now >= self._next_models:
-            out.append(packed(Message.REQUEST_MODELDEF))
+            types = MODEL_TYPES if self._models_asked % 2 else b""
+            out.append(packed(Message.REQUEST_MODELDEF, types))
+            self._models_asked += 1
             self._next_models = now + RETRY_NS
         if self.clock is not None and now >= self._next_echo:
             out.append(encode_echo_request(now))
@@ -260,7 +240,7 @@ class Conversation:
         if self._options.connection == "auto":
             self.multicast = info.multicast is not False
         if info.frequency and (self.clock is None or self.clock.frequency != info.frequency):
-            self.clock = TickClock(info.frequency)
+            self._clock_anew(info.frequency, now)
         self._questions = deque()
         unicast4 = not self.multicast and info.version >= (4, 0)
         wanted = self._options.wanted or (NEWEST if info.version > NEWEST else None)
@@ -268,9 +248,9 @@ class Conversation:
             self._questions.append(f"Bitstream,{version_text(wanted)}")
         if unicast4:
             self._questions.append("Bitstream")
-        self._questions.append("UnitsToMillimeters")
+        self._questions += ["UnitsToMillimeters", "FrameRate"]
         self._asked, self._tries = None, 0
-        self._want_models, self._next_models = True, 0
+        self._want_models, self._next_models, self._models_asked = True, 0, 0
         if news:
             self.told.append(Told(now, "server", self.described()))
 
@@ -284,8 +264,16 @@ class Conversation:
             "application_version": version_text(self.server.application_version),
             "natnet": version_text(self.version or self.server.version),
             "frequency_hz": self.server.frequency,
-            "multicast": self.multicast,
+            "way": self.way,
         }
+
+    @property
+    def way(self) -> str:
+        """`unicast` or `multicast`; before NatNet 3 a server doesn't say, and both are heard."""
+        unsaid = self.server is not None and self.server.multicast is None
+        if unsaid and self._options.connection == "auto":
+            return "unicast or multicast"
+        return "multicast" if self.multicast else "unicast"
 
     def _answered(self, packet: bytes | None) -> None:
         """The answer to the question asked, or None for none."""
@@ -302,10 +290,16 @@ class Conversation:
             unit = decode_number(packet)
             if 0 < unit < 1e6:
                 self.unit_mm = unit
+        elif question == "FrameRate":
+            rate = decode_number(packet)
+            self.rate_hz = rate if 0 < rate < 1e6 else None
 
     def _defined(self, models: list[Model], now: int) -> None:
+        news = models != self.models
         self.models, self._want_models = models, False
         body = self.body
+        if not news:
+            return
         self._body_id = None if body is None else body.id
         detail: dict[str, object] = {"names": [b.name for b in bodies_of(models)]}
         self.told.append(Told(now, "models", detail))
@@ -314,8 +308,19 @@ class Conversation:
         if self.clock is None:
             return
         self.echoes.append(echo)
-        if not self.clock.add(echo):
-            self.told.append(Told(now, "clock-step", {"clock": "optitrack"}))
+        if self.clock.add(echo):
+            return
+        there = int(self.clock.to_host(np.array([echo[1]]))[0])
+        by = (there - (echo[0] + echo[2]) // 2) / NS
+        self.told.append(Told(now, "clock-step", {"clock": "optitrack", "by_s": round(by, 6)}))
+        self._clock_anew(self.clock.frequency, now).add(echo)
+
+    def _clock_anew(self, frequency: int, now: int) -> TickClock:
+        """A clock that nothing is known of; frames since the old one's last answer are in doubt."""
+        if self.clock is not None:
+            self.rows.doubt(self.clock.heard, now)
+        self.clock = TickClock(frequency)
+        return self.clock
 
     def _frame(self, packet: bytes, sender: Address, now: int) -> None:
         if sender != self._sender:
@@ -344,30 +349,6 @@ class Conversation:
             self._begin_anew(now)
         if params & MODELS_CHANGED and not self._want_models and now >= self._next_models:
             self._want_models, self._next_models = True, now
-        self._row(frame.number, frame.bodies, frame.suffix[4:7], now)
-
-    def _row(
-        self, number: int, bodies: list[BodyRow], stamps: tuple[int, int, int], now: int
-    ) -> None:
-        last = self._last_row
-        if last is not None:
-            if number == last.number:
-                return
-            # A number that goes back, or far ahead, is a recording that is played again.
-            if 1 < number - last.number < 100_000:
-                self.lost += number - last.number - 1
-                missing = number - last.number - 1
-                self.told.append(Told(now, "gap", {"stream": "mocap", "frames": missing}))
-        body = next((row for row in bodies if row[0] == self._body_id), None)
-        if body is None:
-            valid = False
-        elif body[9] == UNSAID:
-            # 2.5 says nothing of tracking: a pose that repeats to the last bit was held.
-            valid = last is None or last.body is None or last.body[1:8] != body[1:8]
-        else:
-            valid = bool(body[9] & VALID)
-        row = Row(now, number, stamps, body, valid)
-        self._last_row = row
-        if self.collecting:
-            self.overflown += len(self.rows) == ROWS
-            self.rows.append(row)
+        missing = self.rows.take_in(frame, self._body_id, self.clock, now)
+        if missing:
+            self.told.append(Told(now, "gap", {"stream": "mocap", "frames": missing}))

@@ -6,23 +6,17 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from vrbench_optitrack.frames import (
-    BODY,
-    TAIL_25,
-    TAIL_26,
-    TAIL_27,
-    TAIL_30,
+from vrbench_optitrack.frame import (
     Asset,
     Channels,
     Frame,
     LabeledMarker,
-    Layout,
     MarkerSet,
     RigidBody,
     Skeleton,
     Suffix,
-    layout_of,
 )
+from vrbench_optitrack.layout import BODY, TAIL_25, TAIL_26, TAIL_27, TAIL_30, Layout, layout_of
 from vrbench_optitrack.models import (
     AssetModel,
     BodyModel,

@@ -63,8 +63,13 @@ class Link:
                 fix="is the network card up, and `interface` in the server's network?",
             ) from error
 
-    def listen(self, group: str | None, port: int) -> None:
-        """Listens for frames on a port: of a multicast group, or sent to this host.
+    def listen(self, group: str | None, port: int, *, own: bool = True) -> None:
+        """Listens for frames on a port: of a multicast group, or sent to this host, or both.
+
+        Args:
+            group: to be joined; None for none.
+            port: of frames.
+            own: hear what is sent to this host, too.
 
         Raises:
             DeviceError: the group can't be joined on this interface.
@@ -79,7 +84,7 @@ class Link:
             if group is None:
                 self._data = _socket(self.interface, port)
             else:
-                self._data = _member(group, port, self.interface)
+                self._data = _member(group, port, self.interface, own=own)
         except (OSError, DeviceError) as error:
             if group is None:
                 return  # another program has the port; frames come to the command socket then
@@ -183,15 +188,15 @@ def _socket(here: str, port: int) -> socket.socket:
     return made
 
 
-def _member(group: str, port: int, interface: str) -> socket.socket:
-    """A socket that hears a group on one interface."""
+def _member(group: str, port: int, interface: str, *, own: bool) -> socket.socket:
+    """A socket that hears a group on one interface; and what is sent to this host."""
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
         made.setblocking(False)
         # Windows binds no group; elsewhere it keeps out what is sent to the port otherwise.
-        made.bind(("" if sys.platform == "win32" else group, port))
+        made.bind(("" if own or sys.platform == "win32" else group, port))
         membership = struct.pack("4s4s", socket.inet_aton(group), socket.inet_aton(interface))
         made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
     except OSError:

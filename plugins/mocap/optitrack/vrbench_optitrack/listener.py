@@ -103,4 +103,4 @@ class Listener:
             return
         port = options.data_port or talk.server.data_port or DATA_PORT
         group = options.group or (talk.server.group if talk.server.multicast else "") or GROUP
-        self._link.listen(group if talk.multicast else None, port)
+        self._link.listen(group if talk.multicast else None, port, own=talk.way != "multicast")

@@ -6,8 +6,17 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vrbench_optitrack.frames import Quaternion, Vector
-from vrbench_optitrack.wire import INT, VECTOR, Message, NatNetError, Reader, Version, reader_of
+from vrbench_optitrack.frame import Quaternion, Vector
+from vrbench_optitrack.wire import (
+    INT,
+    NEWEST,
+    VECTOR,
+    Message,
+    NatNetError,
+    Reader,
+    Version,
+    reader_of,
+)
 
 _QUATERNION = struct.Struct("<4f")
 _PLATE = struct.Struct("<2f3f144f12fii")
@@ -142,7 +151,8 @@ def decode_models(packet: bytes, version: Version) -> list[Model]:
     """All descriptions of a MODELDEF.
 
     From 4.1 each says its size, and a kind that isn't known is kept as bytes; so is, past 4.1, a
-    description other than of marker sets, bodies and skeletons whose layout has changed.
+    description other than of marker sets, bodies and skeletons whose layout has changed. What a
+    version past those that are known has added to a description is left out.
 
     Raises:
         NatNetError: no MODELDEF of this version, to the byte.
@@ -179,12 +189,26 @@ def _described(r: Reader, kind: int, version: Version) -> Model:
         return unknown
     try:
         model = _KINDS[kind](r, version)
-        r.finish("a description")
+        if version <= NEWEST:
+            r.finish("a description")
     except NatNetError:
+        if version > NEWEST:
+            again = Reader(r.data, start, r.end)
+            return _named(again, unknown) if kind == 1 else unknown
         if kind > 2 and version > EXACT_TO:
             return unknown
         raise
     return model
+
+
+def _named(r: Reader, unknown: UnknownModel) -> Model:
+    """A body of which only what comes first can be read: that is enough to follow it."""
+    try:
+        name = r.text("a body's name")
+        id_, parent = r.unpack(_PAIR, "a body's ids")
+        return BodyModel(name, id_, parent, r.unpack(VECTOR, "a body's offset"))
+    except NatNetError:
+        return unknown
 
 
 def _marker_set(r: Reader, _version: Version) -> MarkerSetModel:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from vrbench.recording.file_time import StartOptions, local_time, start_ns
 from vrbench.recording.importer import Imported, Importer
 from vrbench.recording.text_table import whole_lines
 from vrbench.trajectory import NS
-from vrbench_optitrack.axes import Up, pose_to_y_up
+from vrbench_optitrack.axes import Up, pose_to_y_up, to_y_up
 
 WHAT = "a CSV export of Motive, with rigid bodies"
 UNITS_M = {
@@ -41,7 +41,10 @@ UNITS_M = {
 }
 ORDERS = {"XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"}
 LABELS = ("Type", "Name", "ID", "Parent")
-RIGID_BODY = "rigid body"
+RIGID_BODY, BODY_MARKER = "rigid body", "rigid body marker"
+AXES = "XYZ"
+LOOKED_AT = 1000
+"""In so many frames, evenly over the take, markers are looked at."""
 
 
 class Options(StartOptions):
@@ -81,8 +84,10 @@ def read(path: Path, options: Options) -> Imported:
     lines, repairs = whole_lines(path, fix=WHAT)
     head = _head(lines, path)
     scale, order = _scale(head, path), _order(head, path)
-    columns = _columns(head, _body(head, options.body, path), order, path)
-    frames, seconds, values = _values(lines, head, columns, path)
+    body = _body(head, options.body, path)
+    columns, marked = _columns(head, body, order, path), _marker_columns(head, body)
+    frames, seconds, cells = _values(lines, head, [*columns, *marked], path)
+    values, markers = np.split(cells, [len(columns)], axis=1)
     began = local_time(head.facts.get("Capture Start Time", ""))
     start, assumed = start_ns(began, options, file=path)
     t = start + np.rint(frames / _rate(head, frames, seconds, path) * NS).astype(np.int64)
@@ -94,7 +99,9 @@ def read(path: Path, options: Options) -> Imported:
     pose = pose_to_y_up(Transform(values[seen, :3] * scale, q), options.up)
     said = (*repairs, *assumed)
     found = imported_poses(t[seen], pose.p, pose.q, file=path, row="seen frame", repairs=said)
-    return with_invalid(found, t[~seen])
+    spots = markers[seen].reshape(int(seen.sum()), -1, 3) * scale
+    offsets = _offsets(spots, pose, options.up) if marked else None
+    return replace(with_invalid(found, t[~seen]), markers=offsets)
 
 
 def _head(lines: Sequence[str], path: Path) -> _Head:
@@ -162,6 +169,28 @@ def _columns(head: _Head, body: str, order: str | None, path: Path) -> list[int]
     return [found[each] for each in wanted]
 
 
+def _marker_columns(head: _Head, body: str) -> list[int]:
+    """The columns of x, y, z of each marker that Motive takes to be on the body."""
+    found: dict[str, dict[str, int]] = {}
+    rows = (head.rows[key] for key in ("Type", "Name", "kind", "axis"))
+    for column, (kind, name, what, axis) in enumerate(zip(*rows, strict=False)):
+        ours = kind.lower() == BODY_MARKER and name.startswith(f"{body}:")
+        if ours and what == "Position" and axis in AXES:
+            found.setdefault(name, {}).setdefault(axis, column)
+    whole = [found[name] for name in sorted(found) if len(found[name]) == len(AXES)]
+    return [columns[axis] for columns in whole for axis in AXES]
+
+
+def _offsets(markers: Floats, pose: Transform, up: Up) -> Floats | None:
+    """Where markers (n, k, 3) [m] sit from the pivot (k, 3) [m], y up; None if one never is."""
+    rows = np.unique(np.linspace(0, len(markers) - 1, LOOKED_AT).astype(np.int64))
+    away = pose[rows].inverse()[:, None].apply(to_y_up(markers[rows], up))
+    seen = ~np.isnan(away).any(axis=2)
+    if not seen.any(axis=0).all():
+        return None
+    return np.nanmedian(away, axis=0)
+
+
 def _scale(head: _Head, path: Path) -> float:
     """The file's unit of length [m]."""
     unit = head.facts.get("Length Units", "")
@@ -184,7 +213,7 @@ def _scale(head: _Head, path: Path) -> float:
 
 def _order(head: _Head, path: Path) -> str | None:
     """The order of intrinsic Euler angles, as scipy names it; None for quaternions."""
-    kind = head.facts.get("Rotation Type", "")
+    kind = head.facts.get("Rotation Type", "").removesuffix("Euler").rstrip()
     if kind.lower() == "quaternion":
         return None
     if kind.upper() not in ORDERS:

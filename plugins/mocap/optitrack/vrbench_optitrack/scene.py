@@ -12,7 +12,7 @@ from vrbench.geometry import Floats, Transform
 from vrbench.motion.generators import generate
 from vrbench.trajectory import NS, Trajectory
 from vrbench_optitrack.axes import Up, from_y_up, pose_from_y_up
-from vrbench_optitrack.frames import (
+from vrbench_optitrack.frame import (
     UNSAID,
     VALID,
     BodyMarker,

@@ -123,7 +123,7 @@ def test_the_client_sees_a_protective_stop_and_unlocks_it_after_five_seconds_onl
     assert "protective stop" in emulator.report()["events"][-1][1]
 
 
-@pytest.mark.parametrize("version", ["5.12.2", "5.24.0", "3.15.0"])
+@pytest.mark.parametrize("version", ["5.12.2", "5.24.0", "3.15.0", "10.11.0"])
 def test_other_versions_of_the_controller_connect(emulators, version):
     emulator = emulators("--version", version)
     told = client(

@@ -30,7 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="vrbench_ur.emulator", description=(__doc__ or ""))
     parser.add_argument("--host", default="127.0.0.1", help="a loopback address")
     parser.add_argument("--model", default="ur5e", choices=list(ARMS))
-    parser.add_argument("--version", default="5.12.2", help="of the controller's software")
+    parser.add_argument(
+        "--version", type=version, default="5.12.2", help="of the controller's software"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the arm's noise")
     parser.add_argument(
         "--calibrated", type=float, default=0.0, help="deviations of its arm from nominal, mm rms"
@@ -43,13 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
     parser.add_argument("--quiet", action="store_true", help="print no events")
     given = parser.parse_args(arguments)
-    major, minor, bugfix = (int(part) for part in given.version.split("."))
     log = None if given.quiet else _say
     arm = deviating(ARMS[given.model], given.calibrated, given.seed)
     controller = Controller(arm, given.seed, log)
     controller.remote = not given.local
     try:
-        server = Server(controller, given.host, (major, minor, bugfix, 0))
+        server = Server(controller, given.host, (*given.version, 0))
     except OSError as error:
         _say(f"can't listen on {given.host}, ports 29999, 30001, 30003, 30004: {error}")
         return 2
@@ -65,6 +66,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _say(f"ready: {given.model} at {given.host}")
     server.run()
     return 0
+
+
+def version(text: str) -> tuple[int, int, int]:
+    """Three numbers of a version.
+
+    Raises:
+        ArgumentTypeError: they are no three numbers.
+    """
+    try:
+        major, minor, bugfix = (int(part) for part in text.split("."))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} (three numbers, 5.12.2)") from None
+    return major, minor, bugfix
 
 
 def deviating(arm: Arm, mm: float, seed: int) -> Arm:

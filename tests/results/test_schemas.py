@@ -1,0 +1,76 @@
+"""The JSON Schemas take every file that comes with vrbench, and refuse what is misspelt."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import fastjsonschema
+import pytest
+
+from vrbench.config.shipped import shipped_files
+from vrbench.config.yaml_file import load_yaml
+from vrbench.results.schemas import MODELS, json_schema
+
+
+def takes(name: str, content: Any) -> bool:
+    try:
+        fastjsonschema.validate(json_schema(name), content)
+    except fastjsonschema.JsonSchemaException:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_each_is_a_schema(name: str) -> None:
+    fastjsonschema.compile(json_schema(name))
+    assert not takes(name, {"suit": "misspelt"})
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [
+        (name, path)
+        for name, kind in (("suite", "suites"), ("recordings", "recordings"))
+        for path in shipped_files(kind).values()
+    ],
+    ids=lambda value: getattr(value, "stem", value),
+)
+def test_shipped_files_fit(name: str, path: Path) -> None:
+    content, _ = load_yaml(path)
+    assert takes(name, content)
+    assert not takes(name, {**content, "misspelt": 1})
+
+
+def test_a_rig_fits() -> None:
+    rig = {
+        "lab": "example",
+        "headset": {"plugin": "webxr", "device": "quest-pro", "firmware": "60.0.0"},
+        "robot": {"plugin": "ur5e", "options": {"host": "192.168.1.20"}},
+    }
+    assert takes("rig", rig)
+    assert not takes("rig", {**rig, "headset": {"plugin": 1}})
+
+
+def test_a_suite_that_extends_gives_only_what_differs() -> None:
+    suite = {"extends": "gameplay-replay@1", "suite": "mine", "version": 1}
+    assert takes("suite", suite)
+    assert not takes("suite", {**suite, "extends": "gameplay-replay"})
+    assert not takes("suite", {"suite": "mine", "version": 1})
+
+
+@pytest.mark.parametrize(
+    ("bracket", "fits"), [("1 mm", True), (0.001, True), ("1 mile", False), ("mm", False)]
+)
+def test_quantities_are_numbers_or_have_a_unit(bracket: Any, fits: bool) -> None:
+    content, _ = load_yaml(shipped_files("suites")["gameplay-replay"])
+    content["gate"]["bracket"] = bracket
+    assert takes("suite", content) is fits
+
+
+def test_a_run_s_record_fits(run: Path) -> None:
+    record = json.loads((run / "run.json").read_text())
+    assert takes("results", record)
+    assert not takes("results", {**record, "schema_version": 2})
+    assert "Row" in json_schema("results")["$defs"]

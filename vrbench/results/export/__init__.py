@@ -1,0 +1,1 @@
+"""Files for other tools: trajectories, evo's results, tables, a layout for viewers of takes."""
