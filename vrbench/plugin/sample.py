@@ -82,7 +82,7 @@ def _take(name: str) -> dict[str, Samples]:
     clock = VirtualClock()
     session = Session(clock, Mounting().tcp_eye.transform(), SEED, Stage())
     robot = SimulatedRobot(RobotOptions(rate_hz=50.0), session)
-    mocap = SimulatedMocap(MocapOptions(rate_hz=60.0), session)
+    mocap = SimulatedMocap(MocapOptions(rate_hz=60.0, clock_offset_s=0.3), session)
     headset = SimulatedHeadset(HeadsetOptions(), HeadsetProfile(rate_hz=RATE_HZ), session)
     plan = robot.plan(generate(MOTION).trajectory)
     # each take begins at another time, as takes do

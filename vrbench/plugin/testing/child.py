@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 from vrbench.errors import VrbenchError
@@ -19,6 +20,7 @@ from vrbench.plugin.testing.verdicts import NonconformityError, require
 PATIENCE_S = 15.0
 
 
+@cache
 def check_registration(plugin: str) -> None:
     """That importing a plugin and calling its hooks loads no vendor's SDK.
 
