@@ -11,7 +11,7 @@ from vrbench.plugin.manager import BUILTIN
 from vrbench.plugin.testing.child import check_registration
 from vrbench.plugin.testing.verdicts import Conformance, NonconformityError, require
 
-NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+NAME = re.compile(r"[a-z0-9]+([-_][a-z0-9]+)*")
 UNKNOWN = "no_such_option"
 
 
