@@ -60,7 +60,8 @@ def test_there_is_a_template_of_every_kind():
 
 def test_every_kind_passes_its_own_tests_at_once(made):
     tests = [str(made / f"vrbench-{name}" / "tests") for name in MADE.values()]
-    done = run(made, "-m", "pytest", "-q", "-n3", "--dist=loadscope", "-p", "no:cacheprovider", "--rootdir", str(made), *tests)
+    how = ["-q", "-n3", "--dist=loadscope", "-p", "no:cacheprovider", "--rootdir", str(made)]
+    done = run(made, "-m", "pytest", *how, *tests)
     assert done.returncode == 0, done.stdout
     assert "skipped" not in done.stdout
 

@@ -94,24 +94,29 @@ def check(kind: str, name: str, plugins: Plugins, recordings: str | None = None)
         version=info.version,
         vrbench=vrbench.__version__,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        outcomes=conformance(kind, name, recordings).run(),
+        outcomes=conformance(kind, plugins.things(kind)[name], name, recordings).run(),
     )
 
 
-def conformance(kind: str, name: str, recordings: str | None = None) -> type[Conformance]:
+def conformance(
+    kind: str, thing: Any, name: str, recordings: str | None = None
+) -> type[Conformance]:
     """The tests of a kind, for the thing of this name."""
     from vrbench.plugin import testing
 
-    bases = {base.kind: base for base in _bases(testing)}
-    given: dict[str, Any] = {"name": name}
-    if kind == "importer":
-        given["recordings"] = recordings
-    return type(f"Test_{name}", (bases[kind],), given)
-
-
-def _bases(testing: Any) -> Iterable[Any]:
-    things = (getattr(testing, name) for name in testing.__all__)
-    return (thing for thing in things if hasattr(thing, "kind"))
+    bases: dict[str, type[Conformance]] = {
+        "headset": testing.HeadsetConformance,
+        "mocap": testing.MocapConformance,
+        "robot": testing.RobotConformance,
+        "importer": testing.ImporterConformance,
+        "metric": testing.MetricConformance,
+        "suite": testing.SuiteConformance,
+    }
+    base = bases[kind]
+    if kind == "headset" and thing.open is None:
+        base = testing.HeadsetModelConformance
+    given = {"name": name} | ({"recordings": recordings} if kind == "importer" else {})
+    return type(f"Test_{name}", (base,), given)
 
 
 def folder() -> Path:

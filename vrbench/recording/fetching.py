@@ -100,8 +100,9 @@ class Resuming:
             try:
                 self._go_on(url)
             except requests.exceptions.HTTPError as error:
+                told = error.response.status_code if error.response is not None else "no"
                 raise DataError(
-                    f"the server says {error.response.status_code} to {url}",
+                    f"the server says {told} to {url}",
                     fix="look whether it has moved",
                 ) from None
             except (requests.exceptions.RequestException, ConnectionError) as error:

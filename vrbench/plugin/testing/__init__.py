@@ -11,12 +11,17 @@
 from vrbench.plugin.testing.files import ImporterConformance
 from vrbench.plugin.testing.metrics import MetricConformance
 from vrbench.plugin.testing.robots import RobotConformance
-from vrbench.plugin.testing.sources import HeadsetConformance, MocapConformance
+from vrbench.plugin.testing.sources import (
+    HeadsetConformance,
+    HeadsetModelConformance,
+    MocapConformance,
+)
 from vrbench.plugin.testing.suites import SuiteConformance
 from vrbench.plugin.testing.verdicts import NonconformityError, NotCheckedError
 
 __all__ = [
     "HeadsetConformance",
+    "HeadsetModelConformance",
     "ImporterConformance",
     "MetricConformance",
     "MocapConformance",

@@ -17,7 +17,7 @@ from vrbench.plugin.manager import GROUP, NARROW, Plugins
 from vrbench.plugin.testing.verdicts import NonconformityError, require
 
 # A device that isn't there must be told as soon; its own patience is an option of the stand-in's.
-PATIENCE_S = 15.0
+PATIENCE_S = 30.0
 
 
 @cache

@@ -67,7 +67,9 @@ class Recorded:
         return any(len(x) for part in self.parts for x in part.clocks.values())
 
 
-def record(kind: str, spec: Any, stand_in: Any, stream: str) -> Recorded:
+def record(
+    kind: str, spec: Any, stand_in: Any, stream: str, rate_hz: float | None = None
+) -> Recorded:
     """Records a rehearsal.
 
     Args:
@@ -75,13 +77,14 @@ def record(kind: str, spec: Any, stand_in: Any, stream: str) -> Recorded:
         spec: of the device.
         stand_in: that plays it.
         stream: how the stream's name begins.
+        rate_hz: that the stand-in sends at; the declared rate where None.
 
     Raises:
         NonconformityError: no poses come, or something that is no `Columns`.
     """
     clock = RealClock()
     within = session(clock)
-    rate_hz = _rate(spec)
+    rate_hz = rate_hz or _rate(spec)
     rehearsal = Rehearsal(clock.now, clock.now(), rate_hz, recentres=kind == "headset")
     with stand_in(rehearsal) as chosen:
         options = spec.options.model_validate(dict(chosen))

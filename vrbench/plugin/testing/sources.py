@@ -31,9 +31,14 @@ class SourceConformance(WithOptions):
 
     A stand-in plays known movements by the vendor's protocol: `spec.stand_in`, or a method
     `stand_in(rehearsal)` of the test class, for those whose stand-in is no part of the package.
+
+    Attributes:
+        stream: what the stream is called in a take, or how its name begins.
+        rate_hz: at which the stand-in sends, where it isn't the declared rate.
     """
 
     stream: ClassVar[str]
+    rate_hz: ClassVar[float | None] = None
 
     @classmethod
     def stand_in(cls, rehearsal: Any) -> Any:
@@ -66,7 +71,7 @@ class SourceConformance(WithOptions):
 
     @classmethod
     def _record(cls, spec: Any) -> Recorded:
-        return record(cls.kind, spec, cls.stand_in, cls.stream)
+        return record(cls.kind, spec, cls.stand_in, cls.stream, cls.rate_hz)
 
     @classmethod
     def matched(cls) -> tuple[Floats, Match]:
@@ -201,11 +206,10 @@ class SourceConformance(WithOptions):
         )
 
 
-class HeadsetConformance(SourceConformance):
-    """What a headset, or a route to headsets, is held to."""
+class HeadsetModelConformance(WithOptions):
+    """What a headset model is held to, that is known by its profile alone."""
 
     kind = "headset"
-    stream = "headset/eye"
 
     def test_profile_is_sound(self) -> None:
         """Rate, clock, cameras and occlusion levels of the model make sense."""
@@ -224,6 +228,13 @@ class HeadsetConformance(SourceConformance):
                 f"level {level!r} covers cameras {list(ids)}, there are {sorted(profile.cameras)}",
                 "Name cameras by their ids in `cameras`, each once.",
             )
+
+
+class HeadsetConformance(SourceConformance, HeadsetModelConformance):
+    """What a headset, or a route to headsets, is held to."""
+
+    kind = "headset"
+    stream = "headset/eye"
 
     def test_recentre_begins_an_epoch(self) -> None:
         """A recentre begins a new epoch, and nothing else does."""
