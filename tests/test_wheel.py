@@ -47,7 +47,7 @@ def environment(folder: Path, wheels: list[Path]) -> Path:
 @pytest.fixture(scope="module")
 def installed(wheels: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An environment with the core alone."""
-    core = [path for path in wheels.glob("vrbench-*.whl")]
+    core = list(wheels.glob("vrbench-*.whl"))
     return environment(tmp_path_factory.mktemp("core") / "env", core)
 
 
@@ -114,3 +114,8 @@ def test_every_plugin_works_alone_with_the_core(
     )
     told = in_it(installed, "python", "-c", code, plugins=name, path=str(tmp_path))
     assert told.strip() == f"[({name!r}, None)]"
+
+
+def test_it_has_the_templates_of_plugins(installed: Path, tmp_path: Path) -> None:
+    in_it(installed, "vrbench", "plugin", "new", "suite", "mine", "-o", str(tmp_path))
+    assert (tmp_path / "vrbench-mine" / "vrbench_mine" / "mine.yaml").is_file()
