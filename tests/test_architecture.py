@@ -33,6 +33,7 @@ ORDER = (
         "steps",
         "runner",
         "importing",
+        "rules",
         "scoring",
         "variants",
         "loops",

@@ -119,3 +119,18 @@ def test_every_plugin_works_alone_with_the_core(
 def test_it_has_the_templates_of_plugins(installed: Path, tmp_path: Path) -> None:
     in_it(installed, "vrbench", "plugin", "new", "suite", "mine", "-o", str(tmp_path))
     assert (tmp_path / "vrbench-mine" / "vrbench_mine" / "mine.yaml").is_file()
+
+
+def test_it_has_what_pages_are_made_of(installed: Path) -> None:
+    code = (
+        "from vrbench.results.report.pages import _environment, script, style; "
+        "print(len(script()) > 1000, len(style()) > 1000, "
+        "all(_environment().get_template(f'{name}.html.j2') "
+        "for name in ('run', 'board', 'home', 'runs')))"
+    )
+    assert in_it(installed, "python", "-c", code).split() == ["True", "True", "True"]
+
+
+def test_it_has_what_others_published(installed: Path) -> None:
+    code = "from vrbench.results.published import published; print(published()[0].source)"
+    assert "Banaszczyk" in in_it(installed, "python", "-c", code)

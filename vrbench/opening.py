@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from vrbench.config.case import UNCOVERED
 from vrbench.config.rig import SIMULATED, DeviceChoice, Rig
+from vrbench.config.suite import Suite
 from vrbench.devices.host import RealClock
 from vrbench.devices.ports import HeadsetProfile, PoseSource, Robot, Session
 from vrbench.devices.simulated.robot import START_EYE
@@ -16,7 +18,7 @@ from vrbench.devices.simulated.stage import Stage, VirtualClock
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench.plugin.manager import Plugins, check_options, pick
-from vrbench.results.bundle import AccuracyRecord
+from vrbench.results.bundle import AccuracyRecord, OcclusionRecord
 from vrbench.trajectory import Trajectory
 
 
@@ -137,6 +139,19 @@ def nominal_rates(rig: Rig, rig_name: str, plugins: Plugins) -> dict[str, float]
         system = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
         rates["mocap"] = system.rate_hz
     return rates
+
+
+def occlusion_of(suite: Suite, rig: Rig, rig_name: str, plugins: Plugins) -> OcclusionRecord | None:
+    """What the suite's levels of occlusion cover on this headset; None where it covers nothing."""
+    levels = {case.occlude for case in suite.all_cases()} - {UNCOVERED}
+    if not levels:
+        return None
+    profile = headset_profile(rig, rig_name, plugins)
+    covered = {level: profile.covered(level) for level in sorted(levels)}
+    return OcclusionRecord(
+        cameras=dict(profile.cameras),
+        levels={level: sorted(o.cameras) for level, o in covered.items() if o is not None},
+    )
 
 
 def accuracy_of(rig: Rig) -> dict[str, AccuracyRecord]:

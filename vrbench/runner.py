@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from vrbench.capture import Person, PersonMover, SimulatedPerson, persons_references
+from vrbench.config.case import UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import as_yaml
@@ -15,7 +16,14 @@ from vrbench.devices.simulated.stage import SimulatedOperator
 from vrbench.errors import ConfigError, VrbenchError
 from vrbench.forecast import check_room, run_bytes
 from vrbench.movers import Mover, RobotMover, lacking, robots_references
-from vrbench.opening import Devices, accuracy_of, is_simulated, nominal_rates, open_rig
+from vrbench.opening import (
+    Devices,
+    accuracy_of,
+    is_simulated,
+    nominal_rates,
+    occlusion_of,
+    open_rig,
+)
 from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
 from vrbench.plugin.report import newest
@@ -112,7 +120,7 @@ def record_suite(
             check_room(folder, run_bytes(suite, todo, nominal_rates(rig, rig_name, plugins)))
             devices = open_rig(rig, rig_name, plugins, seed, stack)
             _carry_on_from(bundle, devices, mount)
-            mover = _mover(suite, devices, operator, person, permission, mount)
+            mover = _mover(suite, devices, operator, person, permission, mount, resume=resume)
             mover.begin()
         if not resume:
             stack.enter_context(locked(folder))
@@ -165,6 +173,7 @@ def _record(
         ),
         references=references,
         accuracy=accuracy_of(rig),
+        occlusion=occlusion_of(suite, rig, rig_name, plugins),
         licence=licence,
         consent=consent,
         seed=seed if simulated else None,
@@ -212,6 +221,8 @@ def _mover(
     person: Person | None,
     permission: Permission | None,
     mount: int,
+    *,
+    resume: bool,
 ) -> Mover:
     """Who moves the headset; a simulated rig has its own operator and its own person."""
     session = devices.session
@@ -223,4 +234,10 @@ def _mover(
     hand = operator if session.stage is None else SimulatedOperator(session.stage, session.host)
     if hand is None:
         raise ConfigError("a real rig needs an operator")
-    return RobotMover(suite, devices.robot, session, devices.profile, hand, permission, mount=mount)
+    # who goes on with a run can't know what is covered: the operator is asked
+    known = None if resume and suite.conditions else UNCOVERED
+    return RobotMover(
+        *(suite, devices.robot, session, devices.profile, hand, permission),
+        mount=mount,
+        level=known,
+    )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vrbench.config.suite import Suite
-from vrbench.results.bundle import Bundle, DeviceRecord, RunRecord, TakeRecord
+from vrbench.results.bundle import Bundle, DeviceRecord, OcclusionRecord, RunRecord, TakeRecord
 from vrbench.results.phases import PhaseRow, write_phases
 from vrbench.results.tables import Row, pool, write_rows
 from vrbench.statistics.bootstrap import scope_of
@@ -49,6 +49,7 @@ def made_up(
     kind: str = "recorded",
     suite: Mapping[str, Any] = SUITE,
     created: str = "2026-01-01T00:00:00+00:00",
+    occlusion: OcclusionRecord | None = None,
     filler: int = 0,
     all_phases: bool = False,
     **facts: str,
@@ -123,6 +124,8 @@ def made_up(
                 rows += [row(take, f"filler.{i}", "value", 1.0) for i in range(filler)]
     for condition in errors:
         rows += _pooled(rows, [t for t in takes if t.condition == condition], sitting)
+    if resolved.baseline is not None:
+        rows += _changes(rows, resolved.baseline)
     record = RunRecord(
         status="complete",
         kind=kind,  # type: ignore[arg-type]
@@ -133,6 +136,7 @@ def made_up(
         sitting=sitting,
         device=DeviceRecord(headset=device, **facts),
         references=["robot"],
+        occlusion=occlusion,
         versions={"vrbench": "0"},
         takes=takes,
     )
@@ -153,3 +157,24 @@ def _pooled(rows: Sequence[Row], takes: Sequence[TakeRecord], sitting: str) -> l
         else row
         for row in pool(mine, ("mount", "repeat"), members)
     ]
+
+
+def _changes(rows: Sequence[Row], baseline: str) -> list[Row]:
+    """By how much the pooled rmse of each condition is above that of the baseline."""
+    pooled = [row for row in rows if (row.mount, row.statistic) == ("all", "rmse")]
+    before = {row.point: row.value for row in pooled if row.condition == baseline}
+    changes = []
+    for row in pooled:
+        first, second = row.value, before[row.point]
+        if row.condition != baseline and first is not None and second is not None:
+            change, width = first - second, 0.1 * first
+            changes.append(
+                replace(
+                    row,
+                    variant="vs-baseline",
+                    value=change,
+                    ci_low=change - width,
+                    ci_high=change + width,
+                )
+            )
+    return changes

@@ -15,7 +15,7 @@ import pytest
 from tests.results.made_up import SUITE, made_up
 from vrbench.errors import ConfigError
 from vrbench.results.board import Board, Entry, notes
-from vrbench.results.bundle import Bundle
+from vrbench.results.bundle import Bundle, OcclusionRecord
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.tables import Row, read_rows, write_rows
 
@@ -250,6 +250,53 @@ def test_labs_that_differ_on_their_reference_device_are_ranked_apart(make: Make)
         make("r2", device="reference", error=5.0, lab="lab-2"),
     )
     assert [entry.places for entry in entries] == ["1", "1"]
+
+
+OCCLUDED = {
+    **SUITE,
+    "suite": "occluded-cameras",
+    "conditions": [{"id": "none", "baseline": True}, {"id": "two", "occlude": "two"}],
+    "compare": "paired",
+}
+
+
+def test_occlusion_is_ranked_by_the_change_against_each_device_s_own_baseline(make: Make) -> None:
+    """The headset that is bad in any case isn't the one that suffers most."""
+    cameras = OcclusionRecord(cameras=dict.fromkeys(range(5), "camera"), levels={"two": [0, 3]})
+    facts = {"suite": OCCLUDED, "occlusion": cameras}
+    plain, covered = boards(
+        make("steady", error={"none": 5.0, "two": 5.5}, **facts),
+        make("shaken", error={"none": 1.0, "two": 4.0}, **facts),
+    )
+    assert (plain.key.condition, plain.change) == ("none", False)
+    measured = [e for e in plain.entries if e.source == "measured"]
+    assert [(e.device, e.places, e.cameras) for e in measured] == [
+        ("shaken", "1", (0, 5)),
+        ("steady", "2", (0, 5)),
+    ]
+    assert (covered.key.condition, covered.change) == ("two", True)
+    assert covered.metric.endswith("against none")
+    measured = [e for e in covered.entries if e.source == "measured"]
+    assert [(e.device, e.places, e.cameras) for e in measured] == [
+        ("steady", "1", (2, 5)),
+        ("shaken", "2", (2, 5)),
+    ]
+    assert measured[1].value == pytest.approx(3.0, rel=0.15)
+    assert measured[1].statistics["rmse"] == pytest.approx(4.0, rel=0.15)
+    (printed,) = (e for e in covered.entries if e.source == "published")
+    assert printed.value == pytest.approx(6.08 - 3.05)
+
+
+def test_a_change_that_was_not_computed_is_said(make: Make) -> None:
+    run = make("a", error={"none": 2.0, "two": 3.0}, suite=OCCLUDED)
+    rows = [row for row in read_rows(run / TABLE) if row.variant == "main"]
+    write_rows(rows, run / TABLE)
+    Bundle.open(run).enter(TABLE)
+    entry = boards(run)[1].entries[0]
+    assert (entry.status, entry.reason) == (
+        "failed",
+        "the change against the baseline was not computed",
+    )
 
 
 def test_the_same_run_twice_is_refused(make: Make) -> None:

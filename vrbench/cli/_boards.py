@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log10
 from pathlib import Path
 
 import click
 
 from vrbench.cli._tables import console, show_table
 from vrbench.results.board import Board, Entry, notes
-from vrbench.results.board_formats import significant
+from vrbench.results.board_formats import one_line, significant
 from vrbench.results.comparison import Comparison
 
 # From this width on there is room for all columns.
@@ -26,11 +27,11 @@ def show_boards(boards: Sequence[Board]) -> None:
             header[2:2] = ["firmware", "logger", "prediction"]
             header += ["epochs ", "status"]
         if board.change:
-            header += ["covered "]
+            header += ["cams "]
         rows = [_cells(entry, wide=wide, change=board.change) for entry in board.entries]
         show_table(f"{board.title}\n{_subtitle(board)}", header, rows)
         for note in notes(board):
-            click.echo(note)
+            click.echo(one_line(note))
         click.echo()
 
 
@@ -48,7 +49,7 @@ def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
         entry.name,
         entry.lab,
         significant(entry.value),
-        "" if entry.low is None else f"{significant(entry.low, 3)}-{significant(entry.high, 3)}",
+        _interval(entry),
         significant(entry.floor, 3),
         f"{entry.takes}/{entry.mounts}/{entry.sittings}" if entry.takes else "",
         significant(entry.coverage, 3),
@@ -61,7 +62,17 @@ def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
         cells += ["" if entry.epochs is None else str(entry.epochs), entry.status]
     if change:
         cells += ["" if entry.cameras is None else "{}/{}".format(*entry.cameras)]
-    return cells
+    # names are other people's words, and some words steer a terminal
+    return [one_line(cell) for cell in cells]
+
+
+def _interval(entry: Entry) -> str:
+    """With as many decimals at both ends as its width asks for."""
+    if entry.low is None or entry.high is None:
+        return ""
+    width = entry.high - entry.low
+    decimals = max(0, 1 - floor(log10(width))) if width > 0 else 3
+    return f"{entry.low:.{decimals}f}-{entry.high:.{decimals}f}"
 
 
 def show_comparisons(first: Path, second: Path, found: Sequence[Comparison]) -> None:

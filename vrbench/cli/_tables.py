@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -37,7 +37,8 @@ def show_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]])
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
     for name in header:
         number = name.endswith(" ")
-        table.add_column(name.strip(), justify="right" if number else "left", no_wrap=number)
+        justify: Literal["left", "right"] = "right" if number else "left"
+        table.add_column(name.strip(), justify=justify, no_wrap=number, overflow="fold")
     for row in rows:
         table.add_row(*row)
     console().print(table)

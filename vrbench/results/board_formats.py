@@ -137,9 +137,9 @@ def _csv_cell(cell: Any) -> str:
         return ""
     if isinstance(cell, float):
         return f"{cell:.10g}"
-    text = str(cell)
+    text = one_line(str(cell))
     # a spreadsheet would carry out a text that begins so
-    return f"'{text}" if text.startswith(tuple("=+-@\t\r")) else text
+    return f"'{text}" if text.startswith(tuple("=+-@")) else text
 
 
 def _ranked_name(board: Board) -> str:
@@ -192,7 +192,7 @@ def _interval(entry: Entry, to: str) -> str:
 
 
 def _markdown(text: str) -> str:
-    escaped = _MARKDOWN.sub(r"\\\1", _one_line(text))
+    escaped = _MARKDOWN.sub(r"\\\1", one_line(text))
     return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
@@ -242,10 +242,10 @@ def _latex(text: str) -> str:
     """Text that TeX prints and doesn't obey; letters that plain fonts lack by their number."""
     return "".join(
         _LATEX.get(c, c if c.isascii() or c in _LATIN else f"[U+{ord(c):04X}]")
-        for c in _one_line(text)
+        for c in one_line(text)
     )
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
     """The text without line breaks and without what steers a terminal."""
     return "".join(c if c.isprintable() else " " for c in text)

@@ -51,6 +51,13 @@ class AccuracyRecord(_Record):
     source: str
 
 
+class OcclusionRecord(_Record):
+    """The headset's cameras, name by id, and those that each level of the suite covers."""
+
+    cameras: dict[int, str]
+    levels: dict[str, list[int]]
+
+
 class TakeRecord(_Record):
     """One take of the run."""
 
@@ -92,6 +99,7 @@ class RunRecord(_Record):
     device: DeviceRecord
     references: list[str]
     accuracy: dict[str, AccuracyRecord] = {}
+    occlusion: OcclusionRecord | None = None
     seed: int | None = None
     # One hash over the plans that a real robot carries out, and when the run was gone on with.
     plans: str | None = None

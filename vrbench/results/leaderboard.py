@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -30,21 +32,32 @@ def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
     by_key: dict[BoardKey, list[Standing]] = defaultdict(list)
     left_out: list[LeftOut] = []
     seen: set[Path] = set()
-    for folder in folders:
+    every = list(folders)
+    for folder in every:
         where = folder.resolve()
         if where in seen:
             raise ConfigError("the run is given twice", file=folder)
         seen.add(where)
-        try:
-            for standing in standings(Bundle.open(folder), protocol):
+    # files are read and hashed beside each other; the rest is Python, one after the other
+    with ThreadPoolExecutor() as threads:
+        for folder, found in zip(every, threads.map(partial(_read, protocol), every), strict=True):
+            if isinstance(found, VrbenchError):
+                left_out.append(LeftOut(str(folder), found))
+                continue
+            for standing in found:
                 by_key[standing.key].append(standing)
-        except VrbenchError as error:
-            left_out.append(LeftOut(str(folder), error))
-        except OSError as error:
-            told = DataError("can't be read", file=folder, fix=error.strerror)
-            left_out.append(LeftOut(str(folder), told))
     printed = published()
     return Leaderboard([_board(key, by_key[key], printed) for key in sorted(by_key)], left_out)
+
+
+def _read(protocol: str, folder: Path) -> Sequence[Standing] | VrbenchError:
+    """What a run says, or why it can't be read."""
+    try:
+        return standings(Bundle.open(folder), protocol)
+    except VrbenchError as error:
+        return error
+    except OSError as error:
+        return DataError("can't be read", file=folder, fix=error.strerror)
 
 
 def _board(
@@ -146,6 +159,7 @@ def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
         invalid=sum(s.invalid for s in sittings),
         coverage=_known(min, [s.coverage for s in sittings]),
         epochs=None if None in epochs else int(max(e for e in epochs if e is not None)),
+        cameras=first.cameras,
         status=status,
         reason=reason,
         runs=[s.run for s in sittings],
@@ -189,7 +203,8 @@ def _ranked(
     if len(sound) == 1:
         entry, _ = sound[0]
         return [replace(entry, rank=1, last_rank=1, ranked_among=(entry.lab,))]
-    numbers = [measured(sittings, floor=entry.floor) for entry, sittings in sound]
+    with ThreadPoolExecutor() as threads:
+        numbers = list(threads.map(_measured, sound))
     ranked = []
     for labs in _comparable_labs([entry for entry, _ in sound], numbers):
         mine = [i for i, (entry, _) in enumerate(sound) if entry.lab in labs]
@@ -200,6 +215,11 @@ def _ranked(
                 replace(entry, rank=best, last_rank=last, ranked_among=tuple(labs), reason=why)
             )
     return ranked
+
+
+def _measured(one: tuple[Entry, Sequence[Standing]]) -> Measured:
+    entry, sittings = one
+    return measured(sittings, floor=entry.floor)
 
 
 def _comparable_labs(entries: Sequence[Entry], numbers: Sequence[Measured]) -> list[list[str]]:

@@ -7,6 +7,8 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
+from vrbench.config.case import UNCOVERED
+from vrbench.config.schedule import DEFAULT
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError
 from vrbench.results.board import STATISTICS, BoardKey
@@ -67,6 +69,17 @@ class Standing:
         return self.bundle.record
 
     @property
+    def cameras(self) -> tuple[int, int] | None:
+        """How many cameras the condition covers, and of how many; None where nobody said."""
+        occlusion = self.record.occlusion
+        for condition in self.suite.conditions if occlusion else ():
+            level = condition.of(self.suite.case(self.key.case)).occlude
+            if condition.id == self.key.condition and occlusion is not None:
+                covered = [] if level == UNCOVERED else occlusion.levels.get(level)
+                return None if covered is None else (len(covered), len(occlusion.cameras))
+        return None
+
+    @property
     def identity(self) -> tuple[str, ...]:
         """What makes it a row: device, firmware, logger and version, prediction mode, lab."""
         device = self.record.device
@@ -82,12 +95,12 @@ class Standing:
 
 def is_change(suite: Suite, condition: str) -> bool:
     """Whether a condition is ranked by its change against the baseline."""
-    return baseline_of(suite) not in (None, condition) and condition != "default"
+    return baseline_of(suite) not in (None, condition) and condition != DEFAULT
 
 
 def baseline_of(suite: Suite) -> str | None:
     """The condition that the others are compared with, in suites that compare."""
-    return getattr(suite, "baseline", None) if getattr(suite, "compare", None) else None
+    return suite.baseline if suite.compare == "paired" else None
 
 
 def standings(bundle: Bundle, protocol: str) -> list[Standing]:
@@ -178,7 +191,7 @@ def _standing(
     change = is_change(suite, key.condition)
     pooled = {r.statistic: r for r in ranking if _is_pooled(r, takes)}
     if change:
-        changes = [r for r in rows if r.variant == "vs-baseline" and _is_pooled(r, takes)]
+        changes = [r for r in rows if r.variant == "vs-baseline" and r.repeat == "all"]
         row = next((r for r in changes if r.statistic == rank.statistic), None)
     else:
         row = pooled.get(rank.statistic)
@@ -251,7 +264,9 @@ def _judged(
         return worst.status, worst.reason
     if chosen is None or chosen.value is None:
         what = "the change against the baseline" if change else suite.rank.metric
-        return "failed", chosen.reason if chosen else f"{what} was not computed"
+        if chosen is None or chosen.status == "ok":
+            return "failed", f"{what} was not computed"
+        return chosen.status, chosen.reason
     if chosen.status != "ok":
         return chosen.status, chosen.reason
     done = min(take.fraction for take in takes)
