@@ -15,7 +15,7 @@ from pluggy import HookImpl
 from pydantic import BaseModel
 
 from vrbench import __version__
-from vrbench.config.yaml_file import validate
+from vrbench.config.yaml_file import load_yaml, validate
 from vrbench.errors import ConfigError
 from vrbench.plugin import builtin, hookspecs
 
@@ -269,7 +269,10 @@ def check_options(
     Raises:
         ConfigError: an option is unknown, missing or wrong.
     """
-    return validate(dict(options), model, f"{file}: {field}" if file else field)
+    if file is None or not Path(file).is_file():
+        return validate(dict(options), model, f"{file}: {field}" if file else field)
+    under = [int(part) if part.isdecimal() else part for part in field.split(".")]
+    return validate(dict(options), model, file, load_yaml(Path(file))[1], under)
 
 
 def titles(things: Mapping[str, Any]) -> Sequence[tuple[str, str]]:
