@@ -27,6 +27,7 @@ ORDER = (
         "permission",
         "forecast",
         "resuming",
+        "reusing",
         "course",
         "movers",
         "capture",
