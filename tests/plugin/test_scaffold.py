@@ -127,6 +127,9 @@ def test_the_made_modules_are_as_clean_as_the_house(made):
         ("headset", "Pico 4", "'Pico 4' is no good name.*pico4"),
         ("headset", "4pico", "no good name"),
         ("headset", "headset", "says what it is and not which"),
+        ("metric", "ape", "metric ape is there already, in vrbench"),
+        ("suite", "gameplay-replay", "suite gameplay-replay is there already"),
+        ("robot", "sim", "robot sim is there already"),
     ],
 )
 def test_what_is_no_good_is_refused(tmp_path, kind, name, says):

@@ -10,8 +10,8 @@ from pathlib import Path
 from string import Template
 
 from vrbench.errors import ConfigError
-from vrbench.plugin.manager import KINDS
-from vrbench.plugin.sample import write_sample
+from vrbench.plugin.manager import KINDS, Plugins
+from vrbench.plugin.sample import STREAM, write_sample
 
 TEMPLATE = Path(__file__).with_name("template")
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -29,7 +29,7 @@ def scaffold(kind: str, name: str, parent: Path) -> Path:
         its folder.
 
     Raises:
-        ConfigError: the kind or the name is no good one, or the folder exists.
+        ConfigError: the kind or the name is no good one or taken, or the folder exists.
     """
     if kind not in KINDS:
         raise ConfigError(f"no kind of plugin is {kind!r}", fix=f"there are {', '.join(KINDS)}")
@@ -41,6 +41,13 @@ def scaffold(kind: str, name: str, parent: Path) -> Path:
     module = f"vrbench_{name.replace('-', '_')}"
     if module.partition("_")[2] in {*KINDS, "core"} or keyword.iskeyword(module):
         raise ConfigError(f"{name!r} says what it is and not which", fix="name the device: pico4")
+    plugins = Plugins()
+    offered = {kind: name, "importer": f"{name}-csv"} if kind in STREAM else {kind: name}
+    for taken in (each for each in offered.items() if each[1] in plugins.things(each[0])):
+        raise ConfigError(
+            f"{' '.join(taken)} is there already, in {plugins.offered_by(*taken).distribution}",
+            fix="another name",
+        )
     folder = parent / f"vrbench-{name}"
     if folder.exists():
         raise ConfigError("exists already", file=folder, fix="another name, or -o FOLDER")
