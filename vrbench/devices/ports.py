@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vrbench.clocks import Exchanges
 from vrbench.devices.permit import Permit
+from vrbench.devices.rehearsal import Rehearsal
 from vrbench.geometry import Transform
 from vrbench.streams import Columns
 from vrbench.trajectory import Trajectory
@@ -206,6 +208,10 @@ class Finding:
     fix: str = ""
 
 
+# Plays a rehearsal as the device would send it; yields the options with which `open` finds it.
+StandIn = Callable[[Rehearsal], AbstractContextManager[Mapping[str, Any]]]
+
+
 class NoDeviceOptions(BaseModel):
     """A device that needs no telling."""
 
@@ -298,6 +304,7 @@ class HeadsetSpec:
             SDK is imported in here, not before.
         check: looks at the device for `vrbench rig check`, without moving anything.
         emulator: module that `vrbench plugin emulate NAME` runs as a process of its own.
+        stand_in: plays known movements as the device would, for `vrbench plugin check NAME`.
     """
 
     name: str
@@ -307,6 +314,7 @@ class HeadsetSpec:
     open: Callable[[Any, HeadsetProfile, Session], PoseSource] | None = None
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    stand_in: StandIn | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,6 +328,7 @@ class MocapSpec:
     options: type[BaseModel] = NoDeviceOptions
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    stand_in: StandIn | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,5 +348,6 @@ class RobotSpec:
     options: type[BaseModel] = NoDeviceOptions
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    stand_in: StandIn | None = None
     planner: Callable[[Any, Transform], MotionPlanner] | None = None
     real: bool = False

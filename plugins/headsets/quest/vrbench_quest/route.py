@@ -20,6 +20,7 @@ from vrbench.errors import DeviceError
 from vrbench.streams import Columns
 from vrbench_quest.adb import Adb, findings, state_of
 from vrbench_quest.receiver import Receiver
+from vrbench_quest.stand_in import stand_in
 from vrbench_quest.wire import TOKEN_BYTES
 
 ANSWER_S = 3.0
@@ -263,4 +264,5 @@ HEADSET = HeadsetSpec(
     open=QuestLogger,
     check=check,
     emulator="vrbench_quest.emulator",
+    stand_in=stand_in,
 )
