@@ -41,7 +41,9 @@ def select_rows(
         end = text.find(b"\n", found.end())
         lines.append(text[text.rfind(b"\n", 0, found.start()) + 1 : end if end >= 0 else None])
     try:
-        rows = csv.reader(line.decode() for line in lines)
+        rows = list(csv.reader(line.decode() for line in lines))
+        if any(len(row) != len(COLUMNS) for row in rows):
+            raise ValueError(f"it has not {len(COLUMNS)} cells")
         return [row_of(dict(zip(COLUMNS, row, strict=True))) for row in rows]
     except (ValueError, TypeError, csv.Error) as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
