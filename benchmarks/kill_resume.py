@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import json
 import random
+import struct
 import subprocess
 import sys
 import tempfile
@@ -42,7 +43,7 @@ rank: {metric: ape.translation.aligned, point: eye, statistic: rmse, min_coverag
 def messages(path: Path) -> int:
     """How many messages mcap's own reader finds, up to where the file was cut."""
     count = 0
-    with path.open("rb") as file, contextlib.suppress(EndOfFile):
+    with path.open("rb") as file, contextlib.suppress(EndOfFile, struct.error):
         for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
             count += 1
     return count
@@ -68,13 +69,13 @@ def main() -> None:
         while told["kills"] < given.kills:
             told["runs"] += 1
             run = folder / f"run-{told['runs']}"
-            while not killed_or_done(base, run, rng.uniform(0.0, 1.1 * span), told):
+            while not killed_or_done(base, run, rng.uniform(0.0, span), told):
                 pass
             told["finished"] += 1
             for take in (folder / "whole" / "takes").iterdir():
                 same = (run / "takes" / take.name).read_bytes() == take.read_bytes()
                 told["takes unlike those of a whole run"] += not same
-    print(json.dumps(told, indent=1))
+            print(json.dumps(told), flush=True)
 
 
 def killed_or_done(base: list[str], run: Path, after_s: float, told: dict[str, int]) -> bool:

@@ -22,6 +22,8 @@ from vrbench.config.suite import Suite, load_suite
 from vrbench.devices.simulated.headset import SimulatedHeadset
 from vrbench.devices.simulated.robot import SimulatedRobot
 from vrbench.errors import ConfigError, DeviceError
+from vrbench.forecast import run_bytes
+from vrbench.opening import nominal_rates
 from vrbench.plugin.manager import Plugins
 from vrbench.recording.guard import DiskFullError
 from vrbench.recording.take import read_take
@@ -362,6 +364,13 @@ def test_a_run_that_the_disk_has_no_room_for_is_refused_before_it_begins(
     with pytest.raises(ConfigError, match=r"will take about \d+ MB, and 35 MB are free"):
         run(short_suite, tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_takes_less_than_was_estimated_and_not_by_far(whole, short_suite):
+    rates = nominal_rates(load_rig("sim:sim"), "sim:sim", Plugins())
+    estimated = run_bytes(short_suite, list(short_suite.schedule()), rates)
+    actual = sum(path.stat().st_size for path in (whole / "takes").iterdir())
+    assert actual < estimated < 8 * actual
 
 
 def test_a_disk_that_fills_up_ends_the_run_in_order(tmp_path, short_suite, monkeypatch):

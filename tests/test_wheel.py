@@ -87,6 +87,16 @@ def test_it_has_its_recordings(installed: Path) -> None:
     assert "banaszczyk2024-quest-2" in in_it(installed, "vrbench", "data", "list")
 
 
+def test_it_has_what_pages_are_made_of(installed: Path) -> None:
+    code = (
+        "from vrbench.results.report.pages import _environment, script, style; "
+        "print(len(script()) > 1000, len(style()) > 1000, "
+        "all(_environment().get_template(f'{name}.html.j2') "
+        "for name in ('run', 'board', 'home', 'runs')))"
+    )
+    assert in_it(installed, "python", "-c", code).split() == ["True", "True", "True"]
+
+
 def test_it_has_what_others_published(installed: Path) -> None:
     code = "from vrbench.results.published import published; print(published()[0].source)"
     assert "Banaszczyk" in in_it(installed, "python", "-c", code)

@@ -20,7 +20,8 @@ from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.plot_curves import take_curves
 from vrbench.results.plot_data import TakeCurves, bins_for, curves_file, write_curves
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.scoring import Rules, Scored, score, unscored_take, with_interval
+from vrbench.rules import Rules
+from vrbench.scoring import Scored, score, unscored_take, with_interval
 from vrbench.statistics.uncertainty import intervals
 from vrbench.variants import variant_rows
 

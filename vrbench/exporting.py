@@ -15,7 +15,8 @@ from vrbench.results.export import evo, samples, tum
 from vrbench.results.export.layout import write_layout
 from vrbench.results.export.part import Part
 from vrbench.results.tables import parse_rows
-from vrbench.scoring import Rules, prepared
+from vrbench.rules import Rules
+from vrbench.scoring import prepared
 
 WRITERS: dict[str, Callable[[Part, Path], list[Path]]] = {
     "tum": tum.write_part,

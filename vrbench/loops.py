@@ -21,7 +21,8 @@ from vrbench.metrics.tilt import WORLD_UP
 from vrbench.protocols.protocol import reference_samples
 from vrbench.protocols.stretches import inside, spans
 from vrbench.results.tables import Row
-from vrbench.scoring import Rules, Scored, family_rows, with_intervals
+from vrbench.rules import Rules
+from vrbench.scoring import Scored, family_rows, with_intervals
 from vrbench.statistics.bootstrap import LEVEL
 from vrbench.statistics.paired import by_phase, paired_difference
 from vrbench.statistics.uncertainty import error_models, error_vectors

@@ -62,6 +62,7 @@ class RobotMover:
         operator: does by hand what must be done.
         permission: to move a real robot; asked for at the start and after every prompt.
         mount: that the headset is fixed in now.
+        level: of the cameras that are covered now; None where nobody knows.
     """
 
     def __init__(
@@ -74,11 +75,12 @@ class RobotMover:
         permission: Permission | None,
         *,
         mount: int = 1,
+        level: str | None = UNCOVERED,
     ) -> None:
         self._motions = {name: suite.motion(name) for name in suite.motions}
         self._robot, self._session, self._profile = robot, session, profile
         self._operator, self._permission = operator, permission
-        self._mount, self._level = mount, UNCOVERED
+        self._mount, self._level = mount, level
 
     def begin(self) -> None:
         """Asks for leave to move."""

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from vrbench.capture import Person, PersonMover, SimulatedPerson, persons_references
+from vrbench.config.case import UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import as_yaml
@@ -36,6 +37,7 @@ from vrbench.results.bundle import (
 )
 from vrbench.results.lock import locked
 from vrbench.resuming import ended, left, resumed
+from vrbench.reusing import reused
 from vrbench.steps import Watcher, record_step, skip_step
 from vrbench.trajectory import NS
 
@@ -64,6 +66,7 @@ def record_suite(
     licence: str | None = None,
     consent: str | None = None,
     resume: bool = False,
+    calibration: Path | None = None,
 ) -> Bundle:
     """Records all takes of a suite into a bundle.
 
@@ -82,11 +85,13 @@ def record_suite(
         licence: under which a person's motion may be used.
         consent: how the person agreed to that.
         resume: whether to go on with a run, and to record only what of it isn't whole.
+        calibration: a run whose last calibration opens this one, as nobody has touched the headset
+            since.
 
     Raises:
         ConfigError: the rig lacks what the suite needs, an option is wrong, the folder exists, is
-            in use, has too little room or holds another run, or a real person's motion has no
-            licence or consent.
+            in use, has too little room or holds another run, the calibration can't be reused, or a
+            real person's motion has no licence or consent.
         DeviceError: a device failed or was lost. The bundle stays, marked failed, with what was
             recorded.
         DiskFullError: the disk is full; the bundle stays, marked incomplete.
@@ -104,6 +109,7 @@ def record_suite(
     }
     steps = list(suite.schedule())
     todo, mount, bundle = steps, 1, Bundle(folder, record)
+    earlier = None
     with ExitStack() as stack:
         if resume:
             bundle = resumed(folder, record, inputs)
@@ -111,15 +117,20 @@ def record_suite(
             todo, mount = left(bundle, steps)
         else:
             require_new(folder)
+            if calibration is not None:
+                earlier = reused(calibration, suite, record, inputs)
+                todo = [step for step in steps if step.name not in earlier.takes]
         if todo:
             check_room(folder, run_bytes(suite, todo, nominal_rates(rig, rig_name, plugins)))
             devices = open_rig(rig, rig_name, plugins, seed, stack)
-            _carry_on_from(bundle, devices, mount)
-            mover = _mover(suite, devices, operator, person, permission, mount)
+            _carry_on_from(bundle if earlier is None else earlier.run, devices, mount)
+            mover = _mover(suite, devices, operator, person, permission, mount, resume=resume)
             mover.begin()
         if not resume:
             stack.enter_context(locked(folder))
             bundle = Bundle.create(folder, record, inputs)
+        if earlier is not None:
+            earlier.enter(bundle)
         with _marked(bundle, len(steps)):
             for step in todo:
                 watcher.take(step.name, steps.index(step), len(steps))
@@ -216,6 +227,8 @@ def _mover(
     person: Person | None,
     permission: Permission | None,
     mount: int,
+    *,
+    resume: bool,
 ) -> Mover:
     """Who moves the headset; a simulated rig has its own operator and its own person."""
     session = devices.session
@@ -227,4 +240,10 @@ def _mover(
     hand = operator if session.stage is None else SimulatedOperator(session.stage, session.host)
     if hand is None:
         raise ConfigError("a real rig needs an operator")
-    return RobotMover(suite, devices.robot, session, devices.profile, hand, permission, mount=mount)
+    # who goes on with a run can't know what is covered: the operator is asked
+    known = None if resume and suite.conditions else UNCOVERED
+    return RobotMover(
+        *(suite, devices.robot, session, devices.profile, hand, permission),
+        mount=mount,
+        level=known,
+    )

@@ -16,7 +16,8 @@ from vrbench.protocols.protocol import headset_samples, recorded_span
 from vrbench.protocols.stretches import without
 from vrbench.results.bundle import TakeRecord
 from vrbench.results.tables import Row
-from vrbench.scoring import Rules, Scored, absent_values, excluded, family_rows
+from vrbench.rules import Rules
+from vrbench.scoring import Scored, absent_values, excluded, family_rows
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 

@@ -137,11 +137,10 @@ def test_a_protective_stop_ends_the_run_and_keeps_what_was_recorded(lab, rng, tm
     assert len(kept.poses["headset/eye"]) > 20
 
 
-@pytest.mark.parametrize("device", ["headset", "motive"])
-def test_a_device_that_is_lost_stops_the_robot_and_the_run(lab, rng, tmp_path, device, record_of):
+def test_a_headset_that_is_lost_stops_the_robot_and_the_run(lab, rng, tmp_path, record_of):
     with lab.vrbench("record", tmp_path / "run") as typed:
         begun(typed, rng)
-        getattr(lab, device).kill()
+        lab.headset.kill()
         assert typed.end() == 1
     record = record_of(tmp_path / "run")
     assert record["status"] == "failed"
@@ -177,9 +176,6 @@ def test_killed_in_mid_run_the_arm_stops_and_resume_asks_and_finishes(
     cut = read_take(run / "takes" / f"{STEPS[1]}.mcap.part")
     # all but the last second or so is there; a busy computer adds what it was late by
     assert killed - cut.poses["robot/tcp"].receive_t[-1] < 4e9
-    with lab.vrbench("record", run) as typed:
-        assert typed.end() == 2
-    assert "is there already" in typed.shown
     with lab.vrbench("record", run, "--resume", "--yes") as typed:
         assert typed.end() == 0, typed.shown[-3000:]
     assert typed.asked == 1  # `--yes` doesn't answer it

@@ -32,6 +32,7 @@ class Asked:
     output: Path | None
     execute: str | None
     resume: bool
+    calibration: Path | None
     yes: bool
     seed: int | None
     licence: str | None
@@ -51,6 +52,12 @@ _OPTIONS = (
         "--resume",
         is_flag=True,
         help="Go on with the run in -o: only what isn't whole is recorded.",
+    ),
+    click.option(
+        "--calibration",
+        metavar="RUN",
+        type=click.Path(path_type=Path),
+        help="Begin with the calibration that ended RUN: nobody has touched the headset since.",
     ),
     click.option(
         "--yes", is_flag=True, help="Take the operator's work for done; no robot moves by this."
@@ -96,6 +103,12 @@ def record(asked: Asked) -> Bundle:
     rig = load_rig(asked.rig)
     if asked.resume and asked.output is None:
         raise ConfigError("which run is to be gone on with?", field="--resume", fix="-o RUN")
+    if asked.resume and asked.calibration is not None:
+        raise ConfigError(
+            "a run that is gone on with has its calibration",
+            field="--calibration",
+            fix="leave it out",
+        )
     folder = asked.output or default_folder(suite.suite, rig.headset.model)
     person = TerminalPerson()
     with RunDisplay(f"record {suite.label} on {rig.headset.model}", console(err=True)) as display:
@@ -110,6 +123,7 @@ def record(asked: Asked) -> Bundle:
             licence=asked.licence,
             consent=asked.consent,
             resume=asked.resume,
+            calibration=asked.calibration,
         )
         try:
             return run()

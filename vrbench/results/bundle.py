@@ -76,6 +76,8 @@ class TakeRecord(_Record):
     repairs: list[str] = []
     status: Literal["ok", "failed", "skipped"] = "ok"
     reason: str = ""
+    # Of a calibration that an earlier run recorded: `run/take`.
+    origin: str = ""
 
     @property
     def name(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 from vrbench.config.suite import Suite
@@ -36,12 +37,13 @@ SCOPES = {
 }
 
 
-def shown(lines: Iterable[list[str]], suite: Suite) -> list[list[str]]:
+def shown(lines: Sequence[list[str]], suite: Suite) -> list[list[str]]:
     """The rows that the page shows, of a table's cells: pooled ones and what tables of takes need.
 
     Where takes are pooled that is a fifth of them; making rows of all would take a site long.
     """
-    pooled = {_group(cells) for cells in lines if cells[REPEAT] == "all"}
+    groups = list(map(GROUP, lines))
+    pooled = {group for group, cells in zip(groups, lines, strict=True) if cells[REPEAT] == "all"}
     rank = suite.rank
     wanted = {column[3:] for column in COLUMNS}
     wanted |= {("floor.total", rank.point, "value"), (rank.metric, rank.point, rank.statistic)}
@@ -49,20 +51,17 @@ def shown(lines: Iterable[list[str]], suite: Suite) -> list[list[str]]:
     wanted.add((rank.metric, "", "value"))
     return [
         cells
-        for cells in lines
+        for group, cells in zip(groups, lines, strict=True)
         if cells[REPEAT] == "all"
-        or _group(cells) not in pooled
+        or group not in pooled
         or ((cells[METRIC], cells[POINT], cells[STATISTIC]) in wanted and cells[VARIANT] == "main")
     ]
 
 
+GROUP = itemgetter(*(TABLE.index(name) for name in ("case", "condition", "reference", "metric")))
 REPEAT, METRIC, POINT, STATISTIC, VARIANT = (
     TABLE.index(name) for name in ("repeat", "metric", "point", "statistic", "variant")
 )
-
-
-def _group(cells: list[str]) -> tuple[str, ...]:
-    return (*cells[3:5], cells[9], cells[METRIC])
 
 
 Numbers = Mapping[tuple[str, str, str], Row]
@@ -201,7 +200,7 @@ def metrics(rows: Sequence[Row]) -> list[list[str]]:
     """Every metric, its statistics side by side: of all takes where pooled, else of each take.
 
     Returns:
-        the cells of each line: `HEADINGS`, `STATISTICS`, value, samples, status.
+        the cells of each line: `HEADINGS`, value, `STATISTICS`, samples, status.
     """
     pooled = {(r.reference, r.case, r.condition, r.metric) for r in rows if r.repeat == "all"}
     lines: dict[tuple[str, ...], tuple[Row, dict[str, Row]]] = {}
@@ -216,8 +215,8 @@ def metrics(rows: Sequence[Row]) -> list[list[str]]:
             row.case if row.condition == "default" else f"{row.case} {row.condition}",
             "all" if row.repeat == "all" else f"m{row.mount} r{row.repeat}",
             *(row.metric, row.point, row.band, row.segment, row.variant, row.unit),
-            *(number(found[name].value) if name in found else "" for name in STATISTICS),
             number(found["value"].value) if "value" in found else "",
+            *(number(found[name].value) if name in found else "" for name in STATISTICS),
             str(row.samples or ""),
             row.status,
         ]
