@@ -13,5 +13,3 @@ html_show_copyright = False
 exclude_patterns = ["_build"]
 myst_heading_anchors = 3
 nitpicky = True
-# A fence's second word says what a block needs; tests/docs reads it, the lexer needs only the first.
-suppress_warnings: list[str] = []

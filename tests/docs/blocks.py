@@ -15,6 +15,7 @@ without any is run. The others are checked, but not run unless `VRBENCH_DOCS` na
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -26,6 +27,7 @@ from markdown_it import MarkdownIt
 REPO = Path(__file__).parents[2]
 PAGES = [REPO / "README.md", *sorted((REPO / "docs").glob("*.md"))]
 NOT_RUN = frozenset({"setup", "demo", "hardware", "data", "slow"})
+INSTALLS = re.compile(r"\b(pip|make|apt-get|npm) ")
 MARKS = NOT_RUN | {"tutorial"}
 
 
@@ -94,6 +96,7 @@ def run(block: Block, folder: Path) -> None:
     """Runs the block's commands; what the page shows of their output must be in it, in order."""
     every = commands(block)
     for command in every:
+        assert not INSTALLS.search(command.text), f"{block.place}: say `console setup`"
         done = _shell(command.text, folder)
         wanted = block.exit_code if command is every[-1] else 0
         told = f"{block.place}: $ {command.text}\n{done.stdout}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import re
 import shlex
@@ -49,7 +50,8 @@ def follow(page: list[Block], folder: Path) -> None:
         elif block.language == "console" and not block.skipped:
             run(block, folder)
         elif block.language == "python" and not block.skipped:
-            exec(compile(block.text, block.place, "exec"), {"__name__": block.place})
+            with contextlib.chdir(folder):
+                exec(compile(block.text, block.place, "exec"), {"__name__": block.place})
 
 
 def file_name(block: Block) -> str | None:
@@ -75,7 +77,9 @@ def test_a_block_says_what_it_is(block: Block) -> None:
     assert all(mark in MARKS or mark.startswith("exit=") for mark in block.marks)
     if block.language == "text":
         assert "$ " not in block.text, "commands belong into a console block"
-        assert not re.search(r"^vrbench [a-z]", block.text, re.M), "commands belong into a console block"
+        assert not re.search(r"^vrbench [a-z]", block.text, re.M), (
+            "commands belong into a console block"
+        )
 
 
 @pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.place)
