@@ -47,13 +47,16 @@ class DeviceFacts(_Strict):
 class RecordedTake(_Strict):
     """One take: its place in the suite, and a file for each stream.
 
-    Fields `robot_NAME` are further logs of the robot: they are gathered in `other_robots`.
+    `world` names the headset's world frame: takes of a mount with the same name are known to share
+    it, for nothing recentred in between. Fields `robot_NAME` are further logs of the robot: they
+    are gathered in `other_robots`.
     """
 
     case: Name
     mount: int = Field(1, ge=1, le=1000)
     repeat: int = Field(1, ge=1, le=1000)
     motion: str | None = None
+    world: str | None = Field(None, min_length=1)
     speed: float = Field(1.0, ge=0.05, le=10.0)
     headset: Source | None = None
     robot: Source | None = None

@@ -120,7 +120,9 @@ class PoseSource(Protocol):
 def facts_of(source: PoseSource) -> dict[str, str]:
     """What a headset says of itself and its logger once a take has begun; nothing where it can't.
 
-    Names are `firmware`, `logger_version` and `prediction`: how far ahead poses are, and by whom.
+    Names are `firmware`, `logger_version`, `prediction`: how far ahead poses are, and by whom; and
+    `world`: names the numbering of epochs, so that takes of the same `world` and epoch have one
+    world frame. Without it, nobody takes two takes to share one.
     """
     tell: Callable[[], Mapping[str, str]] | None = getattr(source, "facts", None)
     return {} if tell is None else dict(tell())

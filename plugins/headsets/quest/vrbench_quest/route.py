@@ -167,7 +167,8 @@ class QuestLogger:
         """What the app says of itself: see `vrbench.devices.ports.facts_of`."""
         told = {} if self._receiver is None else self._receiver.facts or {}
         names = {"app": "logger_version", "prediction": "prediction"}
-        return {name: str(told[key]) for key, name in names.items() if key in told}
+        facts = {name: str(told[key]) for key, name in names.items() if key in told}
+        return {**facts, "world": self.link.world}
 
     def mark(self, name: str) -> None:
         """Writes a mark into the take, and into the log on the headset."""

@@ -110,6 +110,7 @@ class WebXRHeadset:
         return {
             "logger_version": version("vrbench-webxr"),
             "prediction": "the browser's, to its display time",
+            "world": self.link.world,
         }
 
     def mark(self, name: str) -> None:
