@@ -11,7 +11,7 @@ WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
 RUNS := runs/demo
 
-.PHONY: demo test lint dist clean
+.PHONY: demo test lint docs dist clean
 
 demo: $(VENV)/demo
 	@rm -rf $(RUNS)
@@ -27,6 +27,10 @@ lint: $(VENV)/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs build/docs
+	@echo "The pages begin at build/docs/index.html."
 
 # Wheels of the core and of every plugin.
 dist: $(VENV)/test
@@ -56,3 +60,7 @@ $(VENV)/test: $(MANIFESTS) | $(BIN)/python
 	$(PIP) --editable '.[c3d,evo,lint,parquet,report,test]' $(EDITABLE)
 	-$(PIP) $(WITNESSES)
 	@touch $@ $(VENV)/demo
+
+$(VENV)/docs: $(MANIFESTS) | $(BIN)/python
+	$(PIP) --editable '.[docs]'
+	@touch $@
