@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vrbench.cli._motion_extract import extract
+from vrbench.cli._numbers import FiniteRange
 
 if TYPE_CHECKING:
     from vrbench.devices.ports import MotionPlanner
@@ -36,9 +37,6 @@ def _load(name: str) -> Motion:
     if path.suffix or path.exists():
         return Motion(path.stem, str(path), relative_to_first(read_tum(path)), str(path))
     return generate(name)
-
-
-command.add_command(extract)
 
 
 @command.command("list")
@@ -82,7 +80,7 @@ def show(motion: str) -> None:
 @click.argument("motion")
 @click.option("--rig", help="Plan for this rig's robot, tool and surroundings.")
 @click.option("--robot", help="Or for a robot in nominal surroundings, by name.")
-@click.option("--stretch", type=click.FloatRange(1.0, 10.0), help="Slow the motion down by this.")
+@click.option("--stretch", type=FiniteRange(1.0, 10.0), help="Slow the motion down by this.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the plan file here.")
 def plan(
     motion: str, rig: str | None, robot: str | None, stretch: float | None, output: Path | None
