@@ -78,4 +78,4 @@ def test_a_motion_file_with_a_header_is_read_as_one(tmp_path):
 
 
 def test_every_verb_of_motion_is_there():
-    assert set(command.commands) == {"list", "show", "plan", "extract"}
+    assert set(command.commands) == {"list", "show", "plan", "extract", "calibration"}
