@@ -11,7 +11,7 @@ WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
 RUNS := runs/demo
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint dist clean
 
 demo: $(VENV)/demo
 	@rm -rf $(RUNS)
@@ -27,6 +27,13 @@ lint: $(VENV)/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Wheels of the core and of every plugin.
+dist: $(VENV)/test
+	@rm -rf dist
+	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --no-build-isolation \
+	  --wheel-dir dist . $(addprefix ./,$(PLUGINS))
+	@ls dist
 
 clean:
 	rm -rf $(VENV) runs build dist .mypy_cache .ruff_cache .pytest_cache
