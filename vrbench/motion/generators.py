@@ -113,7 +113,7 @@ def saturating(
     of_fast = np.array([0.40, 0.40, 0.40, 0.45, 0.45, 0.45])
     angle = 2.0 * np.pi * t[:, None] / slower
     course = reach * (of_slow * np.sin(angle * slow) + of_fast * np.sin(angle * fast + 1.0))
-    return _motion(name, title, t, _rest_at_ends(t, course, 2.0, 3.0 * slower))
+    return _motion(name, title, t, _rest_at_ends(t, course, 2.0 * slower, 3.0 * slower))
 
 
 GENERATORS: dict[str, Callable[[], Motion]] = {
