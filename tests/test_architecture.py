@@ -25,6 +25,7 @@ ORDER = (
     *(
         "opening",
         "permission",
+        "calibration_motion",
         "forecast",
         "resuming",
         "reusing",
