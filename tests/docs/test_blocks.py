@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import os
 import re
 import shlex
 import shutil
@@ -32,7 +33,8 @@ CONSOLE = [block for block in EVERY if block.language == "console"]
 @pytest.fixture(scope="session")
 def after_tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder that the tutorial leaves behind: followed once, whichever worker comes first."""
-    shared = tmp_path_factory.getbasetemp().parent / "tutorial"
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "tutorial"
     shared.mkdir(exist_ok=True)
     with (shared / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -52,7 +54,8 @@ def follow(page: list[Block], folder: Path) -> None:
             run(block, folder)
         elif block.language == "python" and not block.skipped:
             with contextlib.chdir(folder):
-                exec(compile(block.text, block.place, "exec"), {"__name__": block.place})
+                names = {"__name__": block.place, "__file__": str(folder / "tests" / "block.py")}
+                exec(compile(block.text, block.place, "exec"), names)
 
 
 def file_name(block: Block) -> str | None:
