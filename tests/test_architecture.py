@@ -25,6 +25,7 @@ ORDER = (
     *(
         "opening",
         "permission",
+        "rehearsal",
         "forecast",
         "resuming",
         "reusing",
