@@ -11,7 +11,7 @@ WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
 RUNS := runs/demo
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint docs dist clean
 
 demo: $(VENV)/demo
 	@rm -rf $(RUNS)
@@ -27,6 +27,17 @@ lint: $(VENV)/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs build/docs
+	@echo "The pages begin at build/docs/index.html."
+
+# Wheels of the core and of every plugin.
+dist: $(VENV)/test
+	@rm -rf dist
+	$(BIN)/python -m pip wheel --disable-pip-version-check --quiet --no-deps --no-build-isolation \
+	  --wheel-dir dist . $(addprefix ./,$(PLUGINS))
+	@ls dist
 
 clean:
 	rm -rf $(VENV) runs build dist .mypy_cache .ruff_cache .pytest_cache
@@ -49,3 +60,7 @@ $(VENV)/test: $(MANIFESTS) | $(BIN)/python
 	$(PIP) --editable '.[c3d,evo,lint,parquet,report,test]' $(EDITABLE)
 	-$(PIP) $(WITNESSES)
 	@touch $@ $(VENV)/demo
+
+$(VENV)/docs: $(MANIFESTS) | $(BIN)/python
+	$(PIP) --editable '.[docs]'
+	@touch $@

@@ -13,6 +13,12 @@ settings.register_profile("vrbench", deadline=None, derandomize=True)
 settings.load_profile("vrbench")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _no_reports(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Runs of tests copy no conformance reports that the user has, and keep none of theirs."""
+    os.environ["VRBENCH_REPORTS"] = str(tmp_path_factory.mktemp("reports"))
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Real packets and exports of others, where they are at hand."""

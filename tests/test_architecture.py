@@ -26,6 +26,7 @@ ORDER = (
         "opening",
         "permission",
         "rehearsal",
+        "calibration_motion",
         "forecast",
         "resuming",
         "reusing",
@@ -52,7 +53,14 @@ ORDER = (
 RECORD = {"motion", "devices", "recording"}
 EVALUATE = {"estimation", "metrics", "statistics", "protocols"}
 # Only these may import the library.
-HOME = {"pluggy": "plugin", "mcap": "recording", "cv2": "estimation", "rosbags": "recording"}
+HOME = {
+    "pluggy": "plugin",
+    "mcap": "recording",
+    "cv2": "estimation",
+    "rosbags": "recording",
+    "pooch": "recording",
+    "requests": "recording",
+}
 NETWORK = {"socket", "socketserver", "asyncio", "http", "urllib", "ssl", "requests", "websockets"}
 
 
@@ -162,7 +170,19 @@ def loaded(code: str) -> set[str]:
     return set(run.stdout.splitlines()[-1].split())
 
 
-HEAVY = {"numpy", "scipy", "pydantic", "yaml", "pluggy", "mcap", "rosbags", "cv2", "rich"}
+HEAVY = {
+    "requests",
+    "pooch",
+    "numpy",
+    "scipy",
+    "pydantic",
+    "yaml",
+    "pluggy",
+    "mcap",
+    "rosbags",
+    "cv2",
+    "rich",
+}
 
 
 @pytest.mark.parametrize(

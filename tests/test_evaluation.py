@@ -56,8 +56,9 @@ def rewrite(run: Path, name: str, change) -> Bundle:
     path = run / "takes" / f"{name}.mcap"
     columns = read_take(path)
     path.unlink()
-    with TakeWriter(path, columns.metadata) as writer:
-        writer.write(change(columns))
+    changed = change(columns)
+    with TakeWriter(path, changed.metadata) as writer:
+        writer.write(changed)
     record = json.loads((run / "run.json").read_text())
     next(t for t in record["takes"] if t["file"].endswith(path.name))["sha256"] = file_digest(path)
     (run / "run.json").write_text(json.dumps(record))

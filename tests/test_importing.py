@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,34 @@ def test_imported_recordings_score_as_the_run_they_came_from(
     for key in same:
         # The logs hold no poses that were lost, and stamps to 0.1 us; all else is the same.
         assert found[key].value == pytest.approx(first[key].value, rel=2e-3), key
+
+
+def test_stamps_since_a_device_s_start_are_told_and_scored(lab: Path, tmp_path: Path) -> None:
+    for log in lab.glob("*.headset.tum"):
+        rows = [line.split(" ", 1) for line in log.read_text().splitlines()]
+        origin = Decimal(rows[0][0]) - 100
+        log.write_text("".join(f"{Decimal(t) - origin} {rest}\n" for t, rest in rows))
+    bundle = bring(lab, tmp_path / "imported")
+    told = [repair for take in bundle.record.takes for repair in take.repairs]
+    assert len(told) == 4
+    assert all("of another epoch" in repair for repair in told)
+    found = [
+        row
+        for row in evaluated(bundle)
+        if (row.metric, row.statistic, row.variant) == ("ape.translation.aligned", "rmse", "main")
+        and (row.case, row.point, row.band, row.repeat) == ("replay", "eye", "all", "1")
+    ]
+    assert [row.status for row in found] == ["ok"]
+    assert found[0].value < 3.0
+
+
+def test_takes_of_one_world_are_scored_in_it(lab: Path, tmp_path: Path) -> None:
+    text = (lab / "recordings.yaml").read_text()
+    (lab / "recordings.yaml").write_text(
+        text.replace("    motion: ", "    world: evening\n    motion: ")
+    )
+    bundle = bring(lab, tmp_path / "imported")
+    assert {bundle.columns(take).metadata["world"] for take in bundle.record.takes} == {"evening"}
 
 
 def test_a_run_says_what_it_was_made_of(lab: Path, tmp_path: Path) -> None:

@@ -85,6 +85,7 @@ def flip(path: Path) -> None:
         (lambda run: edit(run, lambda r: r.update(schema_version=None)), "schema version None"),
         (lambda run: edit(run, lambda r: r.update(status="incomplete")), "incomplete"),
         (lambda run: edit(run, lambda r: r["suite"].update(title="t", version=2)), "suite_digest"),
+        (lambda run: edit(run, lambda r: r["device"].update(headset="x")), "device is "),
         (lambda run: edit(run, lambda r: r["takes"].pop()), "is a take that run.json doesn't list"),
         (lambda run: edit(run, lambda r: r["files"].pop(TABLE)), f"{TABLE}: is not in run.json"),
         (

@@ -53,6 +53,19 @@ class ClockMap:
         return t_device - np.rint(self.offset_ns(t_device)).astype(np.int64)
 
 
+@dataclass(frozen=True, slots=True)
+class Skew:
+    """How much a device's clock gains on the reference's, by other takes.
+
+    Attributes:
+        value: [s/s].
+        sigma: its standard deviation [s/s].
+    """
+
+    value: float
+    sigma: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Exchanges:
     """Requests that a device answered with its own time, as NTP's four stamps.

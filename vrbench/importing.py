@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from vrbench.config.recordings import RecordedTake, Recordings, Source, load_recordings
@@ -15,6 +15,7 @@ from vrbench.motion.files import given
 from vrbench.motion.generators import GENERATORS, generate
 from vrbench.motion.motion import digest_of_name
 from vrbench.plugin.manager import Plugins, check_options, families_of, pick
+from vrbench.protocols.synchrony import other_epochs
 from vrbench.recording import datasets
 from vrbench.recording.importer import Imported
 from vrbench.recording.take import TakeWriter
@@ -163,6 +164,7 @@ def _import_take(
             markers = (imported.markers * 1e3).round(3).tolist()
             bodies.append({"stream": stream, "markers_mm": markers})
         repairs += [f"{name}: {repair}" for repair in imported.repairs]
+    repairs += _told_epochs(poses)
     motion = take.motion or UNSTATED
     record = TakeRecord(
         file=f"takes/{_name_of(take)}.mcap",
@@ -186,6 +188,8 @@ def _import_take(
         "logger": recordings.device.logger,
         "prediction": recordings.device.prediction,
     }
+    if take.world is not None:
+        metadata["world"] = take.world
     # a person's capture may have no headset
     headset = TAKE_STREAMS["headset"]
     begin = int(poses[headset if headset in poses else next(iter(poses))].receive_t[0])
@@ -196,6 +200,18 @@ def _import_take(
         writer.write(Columns(poses, events=events))
     record.sha256 = file_digest(take_path)
     bundle.add(record)
+
+
+def _told_epochs(poses: Mapping[str, Samples]) -> Iterator[str]:
+    """Sentences on references whose stamps are of another epoch than the headset's."""
+    headset = poses.get(TAKE_STREAMS["headset"])
+    for stream, samples in poses.items():
+        apart_s = None if headset is None else other_epochs(headset, samples)
+        if apart_s is not None:
+            yield (
+                f"headset: its stamps begin {apart_s:.6g} s from those of {stream}: of another "
+                "epoch, so their clocks are searched about where both begin"
+            )
 
 
 def _read(

@@ -17,6 +17,7 @@ from vrbench.devices.permit import Permit, confirm, require, run_hash
 from vrbench.devices.ports import MotionPlanner, Plan
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import at_speed
+from vrbench.opening import is_simulated
 from vrbench.plugin.manager import Plugins, check_options, pick
 
 Progress = Callable[[str, float], None]
@@ -82,7 +83,7 @@ def plan_suite(
         progress: told how it goes on.
 
     Raises:
-        ConfigError: the robot's options are wrong.
+        ConfigError: the robot's options are wrong, or another device of its rig is simulated.
         DeviceError: a motion can't be done; says where and why.
     """
     if rig.robot is None or suite.mover != "robot":
@@ -90,6 +91,7 @@ def plan_suite(
     spec = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
     if not spec.real:
         return None
+    is_simulated(rig, rig_name)  # before minutes of planning: all of a rig is, or nothing
     if spec.planner is None:
         raise ConfigError(
             f"{spec.name} can't plan without moving", file=rig_name, field="robot.plugin"

@@ -26,6 +26,7 @@ from vrbench.opening import (
 )
 from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
+from vrbench.plugin.report import newest
 from vrbench.recording.guard import DiskFullError
 from vrbench.rehearsal import rehearse
 from vrbench.results.bundle import (
@@ -110,6 +111,9 @@ def record_suite(
         "suite.yaml": as_yaml(suite.canonical()),
         "rig.yaml": as_yaml(rig.model_dump(mode="json")),
     }
+    reports = newest(rig.things)
+    if reports is not None:
+        inputs["conformance.json"] = reports
     steps = list(suite.schedule())
     todo, mount, bundle = steps, 1, Bundle(folder, record)
     earlier = None

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vrbench.clocks import Skew
 from vrbench.errors import DataError, EstimationError
 from vrbench.geometry import Floats, Ints, Transform
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
-from vrbench.protocols.calibration import Calibration, Verdict, mean_x
+from vrbench.protocols.calibration import Calibration, Verdict, mean_skew, mean_x
 from vrbench.protocols.fixing import Fixing, fixing_at
 from vrbench.protocols.protocol import (
     HEADSET,
@@ -19,12 +20,15 @@ from vrbench.protocols.protocol import (
     recorded_span,
     reference_samples,
 )
+from vrbench.protocols.sitting import in_sitting
 from vrbench.protocols.stretches import spans, without
 from vrbench.results.bundle import TakeRecord
 from vrbench.results.tables import Member, Row, pool
 from vrbench.rules import Rules, verdict_of
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.floor import floor_values
+from vrbench.statistics.of_scale import scale_intervals
+from vrbench.statistics.relative import relative_models
 from vrbench.statistics.uncertainty import (
     ErrorModel,
     Key,
@@ -89,7 +93,13 @@ def score(
         if isinstance(part, ScoredTake) and part.x is not None:
             if covariance is not None:
                 models = error_models(part)
+                asked = {family.name for family in rules.families}
+                if "rpe" in asked:
+                    models = {**models, **relative_models(part)}
                 found = with_intervals(rules, found, take.name, models, covariance)
+                if "scale" in asked:
+                    ends = scale_intervals(part, covariance)
+                    found = [with_interval(row, ends) for row in found]
             stated = rules.record.accuracy.get(rules.reference)
             floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
             found += [rules.row(take, value, verdict) for value in floor]
@@ -147,7 +157,12 @@ def prepared(
     fixing = fixing_at(list(calibrations.values()), rules.checks, span[0], bracket_m)
     fixing = fixing.without(take.name)
     x, covariance = _mounting(rules, columns, fixing.best)
-    whole, parts = _prepared(rules, take, columns, x, covariance)
+    skew = mean_skew(fixing.best)
+    whole, parts = _prepared(rules, take, columns, x, covariance, skew)
+    parts = {
+        name: in_sitting(part, fixing.best, span[0]) if isinstance(part, ScoredTake) else part
+        for name, part in parts.items()
+    }
     return Prepared(whole, parts, covariance, span, fixing)
 
 
@@ -166,6 +181,7 @@ def _prepared(
     columns: Columns,
     x: Transform | None,
     covariance: Floats | None,
+    skew: Skew | None,
 ) -> tuple[ScoredTake, dict[str, ScoredTake | str]]:
     """The take as a whole, and by epoch: each ready, or why it isn't."""
     case = rules.case(take)
@@ -174,7 +190,7 @@ def _prepared(
     several = len(epochs) > 1
     # No one world spans several epochs, so as a whole such a take has no X to be compared by.
     whole = rules.protocol.prepare(
-        columns, rules.reference, None if several else x, anchor_s=anchor_s
+        columns, rules.reference, None if several else x, anchor_s=anchor_s, skew=skew
     )
     left_out = excluded(rules, take, columns)
     if not several:
@@ -184,7 +200,7 @@ def _prepared(
     for epoch in epochs:
         segment = f"epoch:{epoch}"
         try:
-            part = rules.protocol.prepare(_epoch(columns, epoch), rules.reference, x)
+            part = rules.protocol.prepare(_epoch(columns, epoch), rules.reference, x, skew=skew)
             part = without(part, left_out)
             parts[segment] = replace(part, segment=segment, x_covariance=covariance)
         except EstimationError as error:

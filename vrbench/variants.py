@@ -49,7 +49,7 @@ def _in_sample(
 
     def prepare() -> ScoredTake:
         own = calibrations.get(take.name) or calibrate(columns, rules.reference, take.name)
-        return rules.protocol.prepare(columns, rules.reference, own.x)
+        return rules.protocol.prepare(columns, rules.reference, own.x, skew=own.skew)
 
     return _variant(rules, take, columns, "in-sample", prepare, Verdict())
 

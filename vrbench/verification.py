@@ -236,6 +236,8 @@ def _metric_cells(path: Path) -> list[tuple[str, Cells]]:
         (
             " ".join(cell for cell in row.key[3:] if cell),
             {
+                "device": row.device,
+                "suite": row.suite,
                 "value": row.value,
                 "ci_low": row.ci_low,
                 "ci_high": row.ci_high,

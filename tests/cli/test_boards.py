@@ -61,6 +61,12 @@ def test_each_format_goes_to_a_file(runs: list[str]) -> None:
         assert Path("board").read_text(encoding="utf-8") == printed.stdout
 
 
+def test_a_table_for_the_terminal_goes_to_no_file(runs: list[str]) -> None:
+    refused = vrbench("leaderboard", *runs, "-o", "board")
+    assert refused.exit_code == 2
+    assert "-o needs a --format" in refused.stderr
+
+
 def test_one_broken_run_is_told_and_the_others_shown(runs: list[str]) -> None:
     (Path("c") / "run.json").write_text("{")
     done = vrbench("leaderboard", *runs)
@@ -85,7 +91,16 @@ def test_compare_says_what_can_be_said(runs: list[str]) -> None:
     assert "can't be said: these takes only" in unsaid.stdout
 
 
+def test_a_lab_s_name_steers_no_terminal(runs: list[str], tmp_path: Path) -> None:
+    lab = "\x1b[2J\a\u202elab"
+    made_up(tmp_path / "d", rng=np.random.default_rng(3), device="d", lab=lab)
+    said = vrbench("compare", "a", "d").stdout
+    assert "lab may differ" in said
+    assert not {"\x1b", "\a", "\u202e"} & set(said)
+
+
 def test_verify_names_what_is_missing(runs: list[str]) -> None:
+    Path("a/takes/replay.default.m1.r1.mcap").unlink()
     done = vrbench("verify", "a")
     assert done.exit_code == 1
     assert "a: takes/replay.default.m1.r1.mcap: is missing" in done.stderr

@@ -47,6 +47,23 @@ def test_plan_wants_a_rig_or_a_robot():
             run("plan", "shooter-1", *words)
 
 
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "0.5", "slow"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("plan", "shooter-1", "--stretch"),
+        ("extract", "run", "--start"),
+        ("extract", "run", "--end"),
+    ],
+)
+def test_a_number_that_is_none_is_refused(words, word):
+    if words[0] == "extract" and word == "0.5":
+        word = "-0.5"
+    told = run(*words, word)
+    assert f"Invalid value for '{words[-1]}'" in told
+    assert "Traceback" not in told
+
+
 def test_the_simulated_robot_needs_no_plan():
     with pytest.raises(ConfigError, match="does every motion"):
         run("plan", "shooter-1", "--rig", "sim")
@@ -61,4 +78,4 @@ def test_a_motion_file_with_a_header_is_read_as_one(tmp_path):
 
 
 def test_every_verb_of_motion_is_there():
-    assert set(command.commands) == {"list", "show", "plan", "extract"}
+    assert set(command.commands) == {"list", "show", "plan", "extract", "calibration"}

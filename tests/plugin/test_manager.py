@@ -278,6 +278,18 @@ def test_options_are_checked_by_the_plugins_own_model():
         check_options({"host": "h", "hots": 1}, Options, field="robot.options", file="lab.yaml")
 
 
+def test_a_wrong_option_is_shown_by_its_line_and_column(tmp_path):
+    rig = tmp_path / "lab.yaml"
+    rig.write_text("lab: x\nrobot:\n  plugin: ur5e\n  options: {host: h, hots: 1}\n")
+    with pytest.raises(
+        ConfigError, match=r"lab\.yaml:4:22: robot\.options\.hots: there is no such"
+    ):
+        check_options({"host": "h", "hots": 1}, Options, field="robot.options", file=str(rig))
+    rig.write_text("takes:\n  - case: a\n    robot: {format: x,\n      hots: 1}\n")
+    with pytest.raises(ConfigError, match=r"lab\.yaml:4:7: takes\.0\.robot\.hots: "):
+        check_options({"host": "h", "hots": 1}, Options, field="takes.0.robot", file=str(rig))
+
+
 def test_listing_imports_no_vendors_sdk_and_no_scipy():
     code = (
         "import sys; from vrbench.plugin.manager import Plugins; Plugins().infos; "

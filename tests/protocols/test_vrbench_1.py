@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vrbench.clocks import Skew
 from vrbench.errors import EstimationError
 from vrbench.geometry import Transform, continuous_signs, quat_multiply, rotvec_to_quat
 from vrbench.protocols.synchrony import loop_duration_s, synchronised
@@ -91,6 +92,67 @@ def test_another_world_halfway_is_an_error_that_is_scored() -> None:
 
     scored = prepare(altered(TAKE, jump), "robot", X)
     assert len(scored.estimate) > 0.9 * DURATION_S * 72.0
+
+
+def test_a_calibration_with_a_recentre_that_nothing_tells_of_names_the_jump() -> None:
+    def jump(p, q):
+        half = len(p) // 2
+        p[half:] += [0.3, 0.0, 0.4]
+        return p, q
+
+    with pytest.raises(EstimationError, match=r"jumps near (29\.[5-9]|30\.\d) s, by about \d+ mm"):
+        calibrate(altered(TAKE, jump), "robot", "take")
+
+
+def test_a_calibration_with_outliers_names_no_jump() -> None:
+    def spoil(p, q):
+        rng = np.random.default_rng(3)
+        bad = rng.random(len(p)) < 0.2
+        p[bad] += rng.normal(0.0, 0.3, (bad.sum(), 3))
+        return p, q
+
+    assert calibrate(altered(TAKE, spoil), "robot", "take").take == "take"
+
+
+def since_start(columns: Columns, *, arrivals: bool = False) -> Columns:
+    """The eye's stamps counted from its start, 83 s before the take."""
+    eye = columns.poses["headset/eye"]
+    t = eye.pose_t - EPOCH_NS + 83 * NS
+    eye = replace(eye, pose_t=t, source_t=t, receive_t=eye.receive_t if arrivals else t)
+    return replace(columns, poses={**columns.poses, "headset/eye": eye})
+
+
+def test_stamps_of_another_epoch_are_found_by_where_both_streams_begin() -> None:
+    scored = prepare(since_start(TAKE), "robot", X)
+    offset = float(scored.clock.offset_ns(83 * NS))
+    assert offset == pytest.approx(83.1 * NS - EPOCH_NS, abs=3e5)
+
+
+def test_streams_whose_times_of_arrival_lie_apart_were_not_recorded_together() -> None:
+    def late(columns: Columns) -> Columns:
+        robot = columns.poses["robot/tcp"]
+        hour = robot.receive_t + 3600 * NS
+        return replace(
+            columns,
+            poses={**columns.poses, "robot/tcp": replace(robot, pose_t=hour - 1, receive_t=hour)},
+        )
+
+    with pytest.raises(EstimationError, match="do not overlap in time"):
+        prepare(late(since_start(TAKE, arrivals=True)), "robot", X)
+
+
+def test_a_short_take_has_the_skew_of_its_calibrations() -> None:
+    columns = take(shift_ns=lambda t: ((t - EPOCH_NS) * 50e-6).astype(np.int64))
+    truth = 0.1 + 50e-6 * DURATION_S / 2
+    plain = prepare(columns, "robot", X)
+    told = prepare(columns, "robot", X, skew=Skew(50e-6, 2e-6))
+    middle = int(columns.poses["headset/eye"].pose_t.mean())
+    for scored, most in ((plain, 1e-3), (told, 1e-4)):
+        assert float(scored.clock.offset_ns(middle)) / NS == pytest.approx(truth, abs=most)
+    start, end = told.clock.offset_ns(told.columns.poses["headset/eye"].pose_t[[0, -1]])
+    assert (end - start) / NS == pytest.approx(50e-6 * DURATION_S, rel=0.01)
+    unsure = prepare(columns, "robot", X, skew=Skew(50e-6, 100e-6))
+    assert told.offset_sigma_s < unsure.offset_sigma_s
 
 
 def test_the_scored_take_finds_offset_and_world() -> None:

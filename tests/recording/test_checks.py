@@ -91,6 +91,24 @@ def test_a_dropped_pose_is_recorded_wherever_it_stood(bad):
     np.testing.assert_array_equal(imported.samples.receive_t, t[others] + 100)
 
 
+def test_a_pose_that_is_told_again_is_dropped_however_often():
+    p, q = poses(10)
+    again = np.repeat(np.arange(10), 3)
+    t = 1000 * again
+    imported = imported_poses(t, p[again], q[again], file=FILE, receive_t=t, row="line")
+    assert imported.repairs == ("20 lines dropped, the same as the one before, stamp and pose",)
+    assert imported.samples.pose_t.tolist() == list(range(0, 10_000, 1000))
+
+
+def test_the_advice_on_stamps_is_for_what_is_wrong_with_them():
+    p, q = poses(3000)
+    with pytest.raises(DataError, match="one pose a stamp: are stamps too coarse"):
+        imported_poses(np.arange(3000) // 2, p, q, file=FILE)
+    shuffled = np.random.default_rng(0).permutation(3000)
+    with pytest.raises(DataError, match="sort its poses by time"):
+        imported_poses(shuffled, p, q, file=FILE)
+
+
 def test_signs_of_quaternions_are_made_continuous():
     p, q = poses(1)
     q = np.repeat(q, 6, axis=0) * np.array([1, -1, -1, 1, -1, 1])[:, None]

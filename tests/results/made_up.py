@@ -1,4 +1,4 @@
-"""Bundles whose truth is known, without takes: what a leaderboard reads, and nothing more."""
+"""Bundles whose truth is known, with empty takes: what a leaderboard reads, and nothing more."""
 
 from __future__ import annotations
 
@@ -141,6 +141,8 @@ def made_up(
         takes=takes,
     )
     bundle = Bundle.create(folder, record, {})
+    for take in takes:
+        (folder / take.file).touch()
     write_rows(rows, folder / f"metrics/{PROTOCOL}.csv")
     write_phases(phases, folder / f"metrics/{PROTOCOL}.phase.csv")
     bundle.enter(f"metrics/{PROTOCOL}.csv", f"metrics/{PROTOCOL}.phase.csv")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -244,12 +246,17 @@ def test_labs_with_a_reference_device_are_ranked_together(make: Make) -> None:
     assert {entry.ranked_among for entry in entries} == {("lab-1", "lab-2")}
 
 
-def test_labs_that_differ_on_their_reference_device_are_ranked_apart(make: Make) -> None:
-    entries = only(
+def test_labs_that_differ_on_their_reference_device_are_told(make: Make) -> None:
+    (board,) = boards(
         make("r1", device="reference", error=2.0),
         make("r2", device="reference", error=5.0, lab="lab-2"),
+        make("b", error=9.0, lab="lab-2"),
     )
-    assert [entry.places for entry in entries] == ["1", "1"]
+    assert [entry.places for entry in board.entries] == ["1", "2", "3"]
+    first, second = (entry.reason for entry in board.entries[:2])
+    assert re.search(r"other labs found otherwise: lab-2 \([45]\.", first)
+    assert re.search(r"other labs found otherwise: lab-1 \([12]\.", second)
+    assert not board.entries[2].reason
 
 
 OCCLUDED = {
@@ -297,6 +304,24 @@ def test_a_change_that_was_not_computed_is_said(make: Make) -> None:
         "failed",
         "the change against the baseline was not computed",
     )
+
+
+def test_a_run_whose_takes_are_missing_is_listed_unranked(make: Make) -> None:
+    run = make("a")
+    next((run / "takes").iterdir()).unlink()
+    (entry,) = only(run)
+    assert (entry.status, entry.places) == ("takes missing", "-")
+    assert entry.reason == "1 of its takes aren't there to be evaluated again"
+
+
+@pytest.mark.parametrize("name", ["run.json", TABLE])
+def test_a_pipe_in_place_of_a_file_is_left_out(make: Make, name: str) -> None:
+    run = make("a")
+    (run / name).unlink()
+    os.mkfifo(run / name)
+    found = leaderboard([run, make("b")], "vrbench-1")
+    assert [left_out.run for left_out in found.left_out] == [str(run)]
+    assert "is no file" in str(found.left_out[0].error)
 
 
 def test_the_same_run_twice_is_refused(make: Make) -> None:

@@ -74,3 +74,29 @@ def test_a_run_s_record_fits(run: Path) -> None:
     assert takes("results", record)
     assert not takes("results", {**record, "schema_version": 2})
     assert "Row" in json_schema("results")["$defs"]
+
+
+@pytest.mark.parametrize("name", ["suite", "rig", "recordings"])
+def test_editors_are_told_of_every_field_and_of_every_misspelt_one(name: str) -> None:
+    schema = json_schema(name)
+    parts = {name: schema, **schema.get("$defs", {})}
+    for title, part in parts.items():
+        if "properties" not in part:
+            continue
+        bare = [k for k, v in part["properties"].items() if not v.get("description")]
+        assert bare == [], title
+        assert "Attributes:" not in part["description"]
+        # a source's further keys are its importer's
+        assert part["additionalProperties"] is (title == "Source"), title
+
+
+def test_units_are_said_in_words() -> None:
+    defs = json_schema("suite")["$defs"]
+    gate = defs["Gate"]["properties"]
+    assert gate["handeye.translation"]["description"] == "most that it may leave: 15 mm."
+    assert (
+        defs["Condition"]["properties"]["hold"]["description"]
+        == (defs["Case"]["properties"]["hold"]["description"])
+    )
+    pose = json_schema("rig")["$defs"]["Pose"]["properties"]
+    assert pose["p_m"]["description"] == "position x, y, z [m]."

@@ -29,7 +29,8 @@ def show_boards(boards: Sequence[Board]) -> None:
         if board.change:
             header += ["cams "]
         rows = [_cells(entry, wide=wide, change=board.change) for entry in board.entries]
-        show_table(f"{board.title}\n{_subtitle(board)}", header, rows)
+        title = f"{one_line(board.title)}\n{one_line(_subtitle(board))}"
+        show_table(title, header, rows)
         for note in notes(board):
             click.echo(one_line(note))
         click.echo()
@@ -78,7 +79,9 @@ def _interval(entry: Entry) -> str:
 def show_comparisons(first: Path, second: Path, found: Sequence[Comparison]) -> None:
     """A line a case and condition, and below it what each verdict rests on."""
     metrics = dict.fromkeys(comparison.metric for comparison in found)
-    title = f"A: {first}\nB: {second}\n{'; '.join(metrics)}, protocol {found[0].key.protocol}"
+    lines = (f"A: {first}", f"B: {second}")
+    title = "\n".join(one_line(line) for line in lines)
+    title += f"\n{one_line('; '.join(metrics))}, protocol {found[0].key.protocol}"
     rows = []
     for one in found:
         interval = (
@@ -92,9 +95,9 @@ def show_comparisons(first: Path, second: Path, found: Sequence[Comparison]) -> 
     for one in found:
         paired = "paired by phase" if one.paired else "not paired"
         scope = f", speaks for {one.scope}s" if one.scope else ""
-        click.echo(f"{_case(one)}: {one.verdict}: {one.reason} ({paired}{scope})")
+        click.echo(one_line(f"{_case(one)}: {one.verdict}: {one.reason} ({paired}{scope})"))
 
 
 def _case(comparison: Comparison) -> str:
     key = comparison.key
-    return key.case if key.condition == "default" else f"{key.case} {key.condition}"
+    return one_line(key.case if key.condition == "default" else f"{key.case} {key.condition}")

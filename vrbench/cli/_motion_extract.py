@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
-SECONDS, RATE = click.FloatRange(0.0), click.FloatRange(1.0, 2000.0)
+from vrbench.cli._numbers import FiniteRange
+
+SECONDS, RATE = FiniteRange(0.0), FiniteRange(1.0, 2000.0)
 
 
 @click.command(

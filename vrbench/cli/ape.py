@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vrbench.cli._numbers import FiniteRange
+
 if TYPE_CHECKING:
     from vrbench.metrics.as_evo import Delta
 
@@ -36,7 +38,7 @@ NEEDS_RPE = "--all-pairs is of --rpe DELTA: pairs of poses that far apart"
 @click.option(
     "--max-diff",
     metavar="S",
-    type=click.FloatRange(min=0.0),
+    type=FiniteRange(min=0.0),
     default=0.01,
     show_default=True,
     help="How far stamps of a pair may be apart [s].",

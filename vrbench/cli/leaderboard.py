@@ -39,6 +39,7 @@ def command(runs: tuple[Path, ...], protocol: str, form: str, output: Path | Non
     can't be read is left out and told, and the exit code is 1.
     """
     from vrbench.cli._boards import show_boards
+    from vrbench.results.board_formats import FORMATS, one_line
     from vrbench.results.bundle import replace_text
     from vrbench.results.leaderboard import leaderboard
 
@@ -46,21 +47,21 @@ def command(runs: tuple[Path, ...], protocol: str, form: str, output: Path | Non
     if not found.boards:
         raise found.left_out[0].error
     if form == "table":
+        if output is not None:
+            raise click.UsageError("-o needs a --format: csv, md, latex, json or html")
         show_boards(found.boards)
     elif form == "html":
         if output is None:
             raise click.UsageError("--format html needs -o, a new folder for the site")
         _write_site(found, runs, protocol, output)
     else:
-        from vrbench.results.board_formats import FORMATS
-
         text = FORMATS[form](found)
         if output is None:
             click.echo(text, nl=False)
         else:
             replace_text(output, text)
     for left_out in found.left_out:
-        click.echo(f"left out: {left_out.error}", err=True)
+        click.echo(one_line(f"left out: {left_out.error}"), err=True)
     sys.exit(1 if found.left_out else 0)
 
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from vrbench.cli._motion_calibration import calibration
 from vrbench.cli._motion_extract import extract
-
-if TYPE_CHECKING:
-    from vrbench.devices.ports import MotionPlanner
-    from vrbench.motion.motion import Motion
+from vrbench.cli._numbers import FiniteRange
 
 
 @click.group()
@@ -21,24 +18,7 @@ def command() -> None:
 
 
 command.add_command(extract)
-
-
-def _load(name: str) -> Motion:
-    """A generated motion by name, a motion file, or a plain TUM file of `T_world_eye`."""
-    from vrbench.motion.files import has_header, read_motion
-    from vrbench.motion.generators import generate
-    from vrbench.motion.motion import Motion, relative_to_first
-    from vrbench.trajectory import read_tum
-
-    path = Path(name)
-    if path.is_file() and has_header(path):
-        return read_motion(path)
-    if path.suffix or path.exists():
-        return Motion(path.stem, str(path), relative_to_first(read_tum(path)), str(path))
-    return generate(name)
-
-
-command.add_command(extract)
+command.add_command(calibration)
 
 
 @command.command("list")
@@ -61,9 +41,10 @@ def show(motion: str) -> None:
     """Show how long, how fast and how wide MOTION is: a name, a motion file, or TUM rows."""
     import numpy as np
 
+    from vrbench.cli._planner import load_motion
     from vrbench.cli._tables import show_table
 
-    found = _load(motion)
+    found = load_motion(motion)
     path = found.trajectory
     speed, turn = path.speed(), np.degrees(path.angular_speed())
     box = path.pose.p.max(axis=0) - path.pose.p.min(axis=0)
@@ -82,7 +63,7 @@ def show(motion: str) -> None:
 @click.argument("motion")
 @click.option("--rig", help="Plan for this rig's robot, tool and surroundings.")
 @click.option("--robot", help="Or for a robot in nominal surroundings, by name.")
-@click.option("--stretch", type=click.FloatRange(1.0, 10.0), help="Slow the motion down by this.")
+@click.option("--stretch", type=FiniteRange(1.0, 10.0), help="Slow the motion down by this.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the plan file here.")
 def plan(
     motion: str, rig: str | None, robot: str | None, stretch: float | None, output: Path | None
@@ -91,10 +72,11 @@ def plan(
 
     With -o the plan file is written, and a picture of it beside it.
     """
+    from vrbench.cli._planner import load_motion, planner_of
     from vrbench.cli._tables import bar, show_table
 
-    planner = _planner(rig, robot, stretch)
-    found = _load(motion)
+    planner = planner_of(rig, robot, stretch).planner
+    found = load_motion(motion)
     with bar(f"plan {found.name}") as tell:
         made = planner.plan(found.trajectory, tell)
     show_table(
@@ -103,30 +85,3 @@ def plan(
     for path in planner.write(made, output) if output else ():
         click.echo(f"wrote {path}")
     sys.exit(0 if made.fraction == 1.0 else 1)
-
-
-def _planner(rig: str | None, robot: str | None, stretch: float | None) -> MotionPlanner:
-    """The planner of a rig's robot, or of a robot by name with the plugin's own defaults."""
-    from vrbench.config.rig import DeviceChoice, Mounting, load_rig
-    from vrbench.errors import ConfigError
-    from vrbench.plugin.manager import Plugins, check_options, pick
-
-    if (rig is None) == (robot is None):
-        raise ConfigError("name a rig or a robot", field="--rig", fix="--rig RIG or --robot ur5e")
-    mounting = Mounting()
-    choice = DeviceChoice(plugin=robot or "")
-    if rig is not None:
-        loaded = load_rig(rig)
-        if loaded.robot is None:
-            raise ConfigError("the rig has no robot", file=rig, field="robot")
-        choice, mounting = loaded.robot, loaded.mounting
-    spec = pick(Plugins().robots, choice.plugin, "robot", field="robot.plugin", file=rig)
-    if spec.planner is None:
-        raise ConfigError(
-            f"{spec.name} needs no plan file: it does every motion", file=rig, field="robot.plugin"
-        )
-    given = dict(choice.options)
-    if stretch is not None:
-        given["stretch"] = stretch
-    options = check_options(given, spec.options, field="robot.options", file=rig)
-    return spec.planner(options, mounting.tcp_eye.transform())

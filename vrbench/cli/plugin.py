@@ -1,13 +1,15 @@
-"""`vrbench plugin`: what is installed."""
+"""`vrbench plugin`: what is installed, and the kit for writing more."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import click
 
 
 @click.group()
 def command() -> None:
-    """Plugins: list what is installed, and what is broken."""
+    """Plugins: list what is installed and what is broken; make a new one, and check it."""
 
 
 @command.command("list")
@@ -77,3 +79,61 @@ def emulate(device: str, arguments: tuple[str, ...]) -> None:
     except KeyboardInterrupt:
         running.terminate()
         sys.exit(running.wait())
+
+
+@command.command("new", epilog="Example: vrbench plugin new headset pico4")
+@click.argument(
+    "kind", type=click.Choice(["headset", "mocap", "robot", "importer", "metric", "suite"])
+)
+@click.argument("name")
+@click.option(
+    "-o",
+    "parent",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path(),
+    help="Folder to make it in; the working directory.",
+)
+def new(kind: str, name: str, parent: Path) -> None:
+    """Make a plugin that offers a KIND called NAME: it installs, and passes its tests, at once."""
+    from vrbench.plugin.scaffold import scaffold, steps
+
+    folder = scaffold(kind, name, parent)
+    click.echo(f"{folder} is a plugin; its README says what to edit. To a row on a leaderboard:\n")
+    for step in steps(folder, name):
+        click.echo(f"  {step}")
+    click.echo(f"\nvrbench plugin check {name} tells what is still wrong with it.")
+
+
+@command.command("check", epilog="Example: vrbench plugin check pico4 -o report.json")
+@click.argument("name")
+@click.option(
+    "--recordings",
+    help="A recordings file with logs of its format, or the name of a shipped one.",
+)
+@click.option(
+    "-o",
+    "output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Keep the report here too.",
+)
+def check(name: str, recordings: str | None, output: Path | None) -> None:
+    """Check what the plugin NAME offers, or the one device, format, metric or suite NAME.
+
+    A device is played by its stand-in, for a few seconds; nothing real moves. The newest report of
+    each thing is kept, and runs copy those of their devices into their bundle.
+    """
+    import sys
+
+    from vrbench.cli._conformance import show_report
+    from vrbench.plugin import report
+    from vrbench.plugin.manager import Plugins
+
+    plugins = Plugins()
+    reports = []
+    for kind, thing in report.found(name, plugins):
+        reports.append(report.check(kind, thing, plugins, recordings))
+        show_report(reports[-1])
+        report.keep(reports[-1])
+    if output is not None:
+        output.write_text(report.as_text(reports), encoding="utf-8")
+    sys.exit(0 if all(each.passed for each in reports) else 1)

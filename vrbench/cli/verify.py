@@ -22,6 +22,7 @@ def command(runs: tuple[Path, ...], folder: Path | None) -> None:
     from vrbench.cli._tables import bar
     from vrbench.errors import ConfigError
     from vrbench.plugin.manager import Plugins
+    from vrbench.results.board_formats import one_line
     from vrbench.verification import Finding, summary, verify_folder, verify_run
 
     if bool(runs) == bool(folder):
@@ -39,6 +40,6 @@ def command(runs: tuple[Path, ...], folder: Path | None) -> None:
         for run in runs:
             found += verify_run(run, plugins, tell)
     for finding in found:
-        click.echo(str(finding), err=True)
+        click.echo(one_line(str(finding)), err=True)
     click.echo(summary(every, found))
     sys.exit(1 if found else 0)

@@ -63,7 +63,24 @@ class Cue(_Strict):
 
 
 class Case(_Strict):
-    """One motion of a suite, and how it is to be run."""
+    """One motion of a suite, and how it is to be run.
+
+    Attributes:
+        id: what the case is called; takes are named after it.
+        motion: which of the suite's `motions`.
+        role: `calibration` is run first and last in every mount, `check` opens every condition.
+        repeats: how often it is run in a mount.
+        remounts: how often the headset is taken off and fixed again for it: 1 is two mounts.
+        speed: of the motion, 1 as it was made.
+        loops: runs of the motion in one take.
+        duration: how long a take is looped, in place of `loops`: 2 h.
+        hold: rest at the start of a take: 60 s.
+        occlude: which level of cameras is covered; the headset's profile says which they are.
+        events: what happens in a take, and when.
+        needs: what it can't be scored without: x, clock, y.
+        anchor: the first seconds, from which Y is taken and which aren't scored: 10 s.
+        exclude: stretches of a take that aren't scored.
+    """
 
     id: Name
     motion: Name
@@ -87,7 +104,12 @@ class Case(_Strict):
 
 
 class Condition(_Strict):
-    """A variation of all scored cases: the knobs it sets replace theirs."""
+    """A variation of all scored cases: the knobs it sets replace theirs.
+
+    Attributes:
+        id: what the condition is called.
+        baseline: whether the others are compared with it.
+    """
 
     id: Name
     baseline: bool = False

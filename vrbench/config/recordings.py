@@ -22,7 +22,12 @@ class _Strict(BaseModel):
 
 
 class Source(BaseModel):
-    """A file and its format; all further keys are the importer's options."""
+    """A file and its format; all further keys are the importer's options.
+
+    Attributes:
+        format: an importer, as `vrbench plugin list` names it.
+        path: relative to this file, or to the dataset's folder.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -35,7 +40,15 @@ class Source(BaseModel):
 
 
 class DeviceFacts(_Strict):
-    """What the recordings were made with."""
+    """What the recordings were made with.
+
+    Attributes:
+        headset: the model that is ranked.
+        firmware: of the headset.
+        logger: what logged its poses.
+        logger_version: of it.
+        prediction: how far ahead poses are, and by whom.
+    """
 
     headset: Name
     firmware: str = "unknown"
@@ -48,12 +61,25 @@ class RecordedTake(_Strict):
     """One take: its place in the suite, and a file for each stream.
 
     Fields `robot_NAME` are further logs of the robot: they are gathered in `other_robots`.
+
+    Attributes:
+        case: which of the suite.
+        mount: the n-th fixing of the headset, from 1.
+        repeat: the n-th time in that mount, from 1.
+        motion: what was replayed: the same name for the same motion, by which results compare.
+        speed: of the motion, 1 as it was made.
+        world: the headset's world frame: takes of a mount with the same name are known to share it,
+            for nothing recentred in between.
+        headset: its log.
+        robot: its log, which counts as truth.
+        mocap: its log, which counts as truth.
     """
 
     case: Name
     mount: int = Field(1, ge=1, le=1000)
     repeat: int = Field(1, ge=1, le=1000)
     motion: str | None = None
+    world: str | None = Field(None, min_length=1)
     speed: float = Field(1.0, ge=0.05, le=10.0)
     headset: Source | None = None
     robot: Source | None = None
@@ -85,7 +111,19 @@ class RecordedTake(_Strict):
 
 
 class Recordings(_Strict):
-    """A recordings file."""
+    """A recordings file.
+
+    Attributes:
+        suite: a suite's name, or the path of its file.
+        dataset: a published dataset that paths are relative to.
+        lab: who made them, as leaderboards print it.
+        device: what they were made with.
+        sitting: one lab visit without a power cycle; another visit, another name.
+        licence: under which they may be used; a person's motion needs one.
+        consent: how the person agreed to that.
+        accuracy: of the references, and who says so.
+        takes: which file is which stream of which case.
+    """
 
     suite: str
     dataset: Name | None = None

@@ -30,7 +30,12 @@ def _unit(q: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class Pose(_Strict):
-    """A rigid transform as people write it."""
+    """A rigid transform as people write it.
+
+    Attributes:
+        p_m: position x, y, z [m].
+        q_xyzw: unit quaternion x, y, z, w.
+    """
 
     p_m: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
     q_xyzw: Annotated[
@@ -42,21 +47,35 @@ class Pose(_Strict):
 
 
 class Accuracy(_Strict):
-    """How accurate a reference is over the box it moves in, and who says so."""
+    """How accurate a reference is over the box it moves in, and who says so.
+
+    Attributes:
+        value: its error: 0.1 mm.
+        source: who says so: a certificate, a data sheet, a measurement.
+    """
 
     value: Annotated[Length, Field(gt=0.0)]
     source: str = Field(min_length=1)
 
 
 class DeviceChoice(_Strict):
-    """A plugin's device and its options, which the plugin itself validates."""
+    """A plugin's device and its options, which the plugin itself validates.
+
+    Attributes:
+        plugin: the name of the device, as `vrbench plugin list` has it.
+        options: what the plugin asks for: addresses, axes, names.
+    """
 
     plugin: str
     options: dict[str, Any] = {}
 
 
 class ReferenceChoice(DeviceChoice):
-    """A device that counts as truth."""
+    """A device that counts as truth.
+
+    Attributes:
+        accuracy: how accurate it is, and who says so; the noise floor rests on it.
+    """
 
     accuracy: Accuracy | None = None
 
@@ -65,7 +84,8 @@ class RobotChoice(ReferenceChoice):
     """A robot; what it carries and what stands around it are options that every robot has.
 
     Attributes:
-        tcp, payload: as the plugin's own options say.
+        tcp: the tool's centre from the flange, as the plugin's own options say.
+        payload: what the flange carries, as the plugin's own options say.
         workspace: what stands around it, or a YAML file that says so, beside the rig.
     """
 
@@ -97,7 +117,12 @@ class RobotChoice(ReferenceChoice):
 
 
 class HeadsetChoice(DeviceChoice):
-    """The route by which poses come, and the model that is ranked."""
+    """The route by which poses come, and the model that is ranked.
+
+    Attributes:
+        device: the model that is ranked; the plugin's own name where not given.
+        firmware: of the headset; results are compared by it.
+    """
 
     device: str | None = None
     firmware: str = "unknown"
@@ -109,13 +134,26 @@ class HeadsetChoice(DeviceChoice):
 
 
 class Mounting(_Strict):
-    """Nominal mounting: plans use it; scoring uses what calibration measures."""
+    """Nominal mounting: plans use it; scoring uses what calibration measures.
+
+    Attributes:
+        tcp_eye: the headset's centre-eye point seen from the robot's tcp.
+    """
 
     tcp_eye: Pose = Pose(p_m=(0.003, 0.087, 0.276), q_xyzw=(0.70710678, 0.0, 0.0, 0.70710678))
 
 
 class Rig(_Strict):
-    """A lab's devices."""
+    """A lab's devices.
+
+    Attributes:
+        lab: its name, as leaderboards print it.
+        headset: what is benchmarked, and how its poses come.
+        robot: what moves it, and counts as truth.
+        mocap: motion capture that counts as truth.
+        mounting: how the headset sits on the robot, nominally.
+        environment: what else may matter, light say; kept with the run.
+    """
 
     lab: str = Field(min_length=1)
     headset: HeadsetChoice
@@ -123,6 +161,15 @@ class Rig(_Strict):
     mocap: ReferenceChoice | None = None
     mounting: Mounting = Mounting()
     environment: dict[str, Any] = {}
+
+    @property
+    def things(self) -> list[tuple[str, str]]:
+        """Kind and name of all that plugins bring to it, model and route of the headset apart."""
+        headset = self.headset
+        named = [("headset", headset.model), ("headset", headset.plugin)]
+        named += [("robot", self.robot.plugin)] if self.robot else []
+        named += [("mocap", self.mocap.plugin)] if self.mocap else []
+        return list(dict.fromkeys(named))
 
 
 # The white noise of its simulated encoders is all that it is off by.

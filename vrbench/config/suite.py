@@ -31,7 +31,14 @@ class _Strict(BaseModel):
 
 
 class Gate(_Strict):
-    """What a calibration must satisfy for the takes of its mount to count."""
+    """What a calibration must satisfy for the takes of its mount to count.
+
+    Attributes:
+        handeye_translation: most that it may leave: 15 mm.
+        handeye_rotation: most that it may leave: 0.5 deg.
+        max_age: how far in time from a take: 60 min.
+        bracket: how far two calibrations of a mount may differ: 1 mm.
+    """
 
     handeye_translation: Length = Field(0.015, alias="handeye.translation", gt=0.0)
     handeye_rotation: Angle = Field(math.radians(0.5), alias="handeye.rotation", gt=0.0)
@@ -40,7 +47,14 @@ class Gate(_Strict):
 
 
 class Rank(_Strict):
-    """The one number devices are ranked by."""
+    """The one number devices are ranked by.
+
+    Attributes:
+        metric: its full name, ape.translation.aligned.
+        point: where errors are taken: eye, tcp or body.
+        statistic: of the errors.
+        min_coverage: the part of a take that must be valid: 95 %.
+    """
 
     metric: str
     point: Literal["eye", "tcp", "body"] = "eye"
@@ -49,7 +63,24 @@ class Rank(_Strict):
 
 
 class Suite(_Strict):
-    """A suite, with all it extends resolved into it."""
+    """A suite, with all it extends resolved into it.
+
+    Attributes:
+        suite: its name; its file bears it too.
+        version: one more whenever motions, gate or metrics change.
+        title: what it does, for people.
+        mover: who moves the headset.
+        references: what counts as truth, those the rig has; the first ranks.
+        motions: generators or motion files, by what cases call them.
+        cases: what is run.
+        conditions: variations of the scored cases, one of them the baseline.
+        order: of the conditions: given, or abba with the baseline first and last.
+        compare: paired compares every condition with the baseline.
+        metrics: families to compute, as `vrbench plugin list` names them.
+        gate: what calibrations must satisfy.
+        rank: the number that devices are ranked by.
+        on_loss: what follows where headset or motion capture is lost; a robot's loss ends the run.
+    """
 
     suite: Name
     version: int = Field(ge=1)

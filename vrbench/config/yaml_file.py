@@ -96,9 +96,15 @@ def load_model(path: Path, model: type[Model]) -> Model:
 
 
 def validate(
-    content: object, model: type[Model], path: str | Path, root: yaml.Node | None = None
+    content: object,
+    model: type[Model],
+    path: str | Path,
+    root: yaml.Node | None = None,
+    under: Sequence[int | str] = (),
 ) -> Model:
     """Content as a model; errors name the file `path`, and lines where `root` is given.
+
+    Content that is a part of the file stands `under` these fields of it.
 
     Raises:
         ConfigError: a field is unknown, missing or wrong.
@@ -111,11 +117,12 @@ def validate(
         first = min(problems, key=lambda problem: problem["type"] == "missing")
         loc = first["loc"]
         what, fix = _told(first, loc, model)
+        place = [*under, *loc]
         more = f"; {len(problems) - 1} more besides" if len(problems) > 1 else ""
         raise ConfigError(
             what + more,
-            file=f"{path}{line_of(root, loc)}",
-            field=".".join(str(part) for part in loc) or None,
+            file=f"{path}{line_of(root, place)}",
+            field=".".join(str(part) for part in place) or None,
             fix=fix,
         ) from None
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from vrbench.devices.ports import Tracking
-from vrbench.devices.simulated.headset import Y_UP
 from vrbench.devices.simulated.noise import correlated, rng_of
+from vrbench.devices.simulated.worlds import Y_UP
 from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat, slerp
 from vrbench.trajectory import NS
 

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -40,9 +41,14 @@ class _Run:
 
 
 class Link:
-    """One headset and its frames; safe to use from two threads."""
+    """One headset and its frames; safe to use from two threads.
+
+    Attributes:
+        world: names the numbering of its epochs, which runs on over takes and runs of the app.
+    """
 
     def __init__(self) -> None:
+        self.world = uuid4().hex
         self._lock = threading.Lock()
         self._run: _Run | None = None
         self._runs: dict[str, _Run] = {}

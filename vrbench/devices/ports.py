@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from vrbench.clocks import Exchanges
 from vrbench.devices.permit import Permit
+from vrbench.devices.rehearsal import Rehearsal
 from vrbench.geometry import Transform
 from vrbench.streams import Columns
 from vrbench.trajectory import Trajectory
@@ -120,7 +122,9 @@ class PoseSource(Protocol):
 def facts_of(source: PoseSource) -> dict[str, str]:
     """What a headset says of itself and its logger once a take has begun; nothing where it can't.
 
-    Names are `firmware`, `logger_version` and `prediction`: how far ahead poses are, and by whom.
+    Names are `firmware`, `logger_version`, `prediction`: how far ahead poses are, and by whom; and
+    `world`: names the numbering of epochs, so that takes of the same `world` and epoch have one
+    world frame. Without it, nobody takes two takes to share one.
     """
     tell: Callable[[], Mapping[str, str]] | None = getattr(source, "facts", None)
     return {} if tell is None else dict(tell())
@@ -202,6 +206,10 @@ class Finding:
     ok: bool
     what: str
     fix: str = ""
+
+
+# Plays a rehearsal as the device would send it; yields the options with which `open` finds it.
+StandIn = Callable[[Rehearsal], AbstractContextManager[Mapping[str, Any]]]
 
 
 class NoDeviceOptions(BaseModel):
@@ -296,6 +304,7 @@ class HeadsetSpec:
             SDK is imported in here, not before.
         check: looks at the device for `vrbench rig check`, without moving anything.
         emulator: module that `vrbench plugin emulate NAME` runs as a process of its own.
+        stand_in: plays known movements as the device would, for `vrbench plugin check NAME`.
     """
 
     name: str
@@ -305,6 +314,7 @@ class HeadsetSpec:
     open: Callable[[Any, HeadsetProfile, Session], PoseSource] | None = None
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    stand_in: StandIn | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,6 +328,7 @@ class MocapSpec:
     options: type[BaseModel] = NoDeviceOptions
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    stand_in: StandIn | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,5 +348,6 @@ class RobotSpec:
     options: type[BaseModel] = NoDeviceOptions
     check: Callable[[Any, Session], Iterator[Finding]] | None = None
     emulator: str | None = None
+    stand_in: StandIn | None = None
     planner: Callable[[Any, Transform], MotionPlanner] | None = None
     real: bool = False

@@ -14,6 +14,7 @@ from vrbench.estimation.excitation import check_excitation
 from vrbench.estimation.handeye import solve_world
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.model import PARAMETERS, Model, State
+from vrbench.estimation.noise import Noise
 from vrbench.estimation.normal import binned, drift_hats, general_equations, normal_equations
 from vrbench.geometry import (
     Bools,
@@ -25,6 +26,8 @@ from vrbench.geometry import (
     rotvec_to_quat,
 )
 from vrbench.trajectory import NS, Trajectory
+
+Noises = tuple[Noise, Noise]
 
 MINIMUM_POSES = 50
 LONG_TAKE_S = 600.0
@@ -106,6 +109,7 @@ def fit(
     y: Transform | None = None,
     free: Collection[str] = ("offset", "y"),
     max_offset_change_s: float = 0.5,
+    skew_sigma: float = 0.0,
 ) -> Fit:
     """The parameters in `free` that bring `T_base_tcp(t) X` and `Y T_world_eye(t')` together.
 
@@ -121,6 +125,8 @@ def fit(
         free: of `offset`, `skew`, `x`, `y`, `scale`. A calibration frees all but the skew, a
             scored take `offset` and `y`.
         max_offset_change_s: how far the offset may move from `clock` [s].
+        skew_sigma: standard deviation of the slope of `clock` [s/s], where that is known from
+            elsewhere; the covariance takes it in.
 
     Raises:
         EstimationError: values not finite, fewer than 50 poses within the reference, a motion that
@@ -143,7 +149,10 @@ def fit(
         rigid = Model(spline, clock, used, _names(set(free) - {"scale"}))
         state = _iterate(rigid, state, prior, tolerance=0.1)
     state = _iterate(model, state, prior)
-    state, covariance = _generalised(model, state, prior)
+    state, covariance, noises = _generalised(model, state, prior)
+    if skew_sigma:
+        wider = Model(spline, clock, used, _names({*free, "skew"}))
+        covariance = covariance + _of_skew(wider, state, noises, skew_sigma)
     _refuse_undetermined(names, covariance, state, max_offset_change_s)
     return _result(model, clock, state, covariance, used)
 
@@ -190,8 +199,24 @@ def _skew_prior(model: Model, clock: ClockMap, used: Trajectory) -> _Prior:
     return _Prior(-float(np.diff(ends)[0] / np.diff(used.t[[0, -1]])[0]), SKEW_PRIOR**-2)
 
 
-def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floats]:
-    """From the robust minimum on: state and covariance (k, k) under the noise the residuals show.
+def _of_skew(model: Model, state: State, noises: Noises, sigma: float) -> Floats:
+    """What an error of the skew adds to the covariance of all others (k, k).
+
+    That error moves them by the inverse's column of the skew over its diagonal: `-A^-1 b` of the
+    normal matrix's blocks `[[A, b], [b', c]]`.
+    """
+    names = model.names
+    k, at = len(names), names.index("skew")
+    prior = np.zeros((k, k))
+    prior[at, at] = sigma**-2
+    normal, _ = general_equations(*binned(model, state), noises, names, None, prior, np.zeros(k))
+    moved = np.delete(normal.bread[:, at], at) / normal.bread[at, at]
+    return sigma**2 * np.outer(moved, moved)
+
+
+def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floats, Noises]:
+    """From the robust minimum on: state, covariance (k, k) under the noise the residuals show, and
+    that noise.
 
     The noise is estimated `NOISE_TURNS` times and then kept. To go on until it settles isn't safe:
     what the motion leaves open would count as noise, and leave more open.
@@ -212,7 +237,7 @@ def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floa
         sigma = np.sqrt(np.diag(covariance))
         settled = np.abs(step) < np.maximum(SETTLED * sigma, rounding)
         if turn >= NOISE_TURNS and settled.all():
-            return state, covariance
+            return state, covariance, noises
         root = np.linalg.cholesky(covariance).astype(np.float64)
     raise _no_convergence()
 

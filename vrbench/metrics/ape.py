@@ -53,7 +53,11 @@ def _aligned(take: ScoredTake) -> Iterator[Value]:
 
 
 def _anchored(take: ScoredTake) -> Iterator[Value]:
-    """Y from positions and rotations of the eye in the anchor window, which isn't scored."""
+    """Y from positions and rotations of the eye in the anchor window, which isn't scored.
+
+    It has no interval: most of its error is the chance of one short window, and a take has one of
+    it. So it is with the sitting's, whose chance is the calibration's and what drifts since.
+    """
     if take.anchor_end is None:
         raise EstimationError("the case has no anchor window")
     anchor = take.estimate.t <= take.anchor_end
@@ -66,8 +70,9 @@ def _anchored(take: ScoredTake) -> Iterator[Value]:
 
 
 def _sitting(take: ScoredTake) -> Iterator[Value]:
+    """Y from the calibration before the take: what its world drifted since then is an error."""
     if take.sitting_y is None:
-        raise EstimationError("no world frame of a calibration holds in this take")
+        raise EstimationError(take.no_sitting)
     for compared in under(take, take.sitting_y):
         yield from _errors("sitting", compared)
 

@@ -34,7 +34,7 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
 
     The apparent offset is the clock's minus the lead of the pose prediction. Where the headset
     answered clock exchanges its poses are stamped on the recorder's clock, so that all that is left
-    of the offset is the lead.
+    of the offset is the lead. The skew of a take under ten minutes is that of the calibrations.
     """
     n = len(take.estimate)
     if n < 2:
@@ -52,7 +52,7 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
         reason = "the headset's clock was not asked: the lead can't be told from its offset"
         yield absent("latency.lead", "ms", reason, statistic="value")
     if offsets[0] == offsets[2]:
-        reason = "the offset is constant: the take is too short for a skew"
+        reason = "the take is too short for a skew, and no calibration tells one"
         yield absent("clock.skew", "ppm", reason, statistic="value")
     else:
         skew = float(offsets[2] - offsets[0]) / (end - start)

@@ -40,12 +40,19 @@ def rpe(reference: Transform, estimate: Transform, pairs: Pairs) -> tuple[Floats
     Returns:
         Translations (k,) [m] and angles (k,) [rad] of E.
     """
+    translation, turn = rpe_poses(reference, estimate, pairs)
+    # The translation of E is that difference turned, which leaves its length.
+    return np.linalg.norm(translation, axis=1), quat_angle(turn)
+
+
+def rpe_poses(reference: Transform, estimate: Transform, pairs: Pairs) -> tuple[Floats, Floats]:
+    """The difference of the motions of `rpe`: translations (k, 3) [m] in the frame of the pair's
+    first pose, estimate minus reference, and quaternions (k, 4) of E.
+    """
     (p_reference, q_reference), (p_estimate, q_estimate) = (
         _within(pose, pairs) for pose in (reference, estimate)
     )
-    # The translation of E is that difference turned, which leaves its length.
-    translation = np.linalg.norm(p_estimate - p_reference, axis=1)
-    return translation, quat_angle(quat_multiply(quat_conjugate(q_reference), q_estimate))
+    return p_estimate - p_reference, quat_multiply(quat_conjugate(q_reference), q_estimate)
 
 
 def _within(pose: Transform, pairs: Pairs) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vrbench.metrics.compared import MM, NO_X
-from vrbench.metrics.pairs import pairs_by_time
+from vrbench.metrics.pairs import Pairs, pairs_by_time
 from vrbench.metrics.pose_errors import rpe
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
@@ -25,8 +25,7 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
         if take.x is None:
             yield from (absent(name, unit, NO_X) for name, unit in names)
             continue
-        tolerance = take.estimate.period_s * NS / 2 if len(take.estimate) > 1 else 0.0
-        pairs = pairs_by_time(take.estimate.t, round(delta * NS), round(tolerance))
+        pairs = pairs_of(take, delta)
         if len(pairs[0]) == 0:
             reason = f"no two samples are {delta:g} s apart"
             yield from (absent(name, unit, reason) for name, unit in names)
@@ -36,6 +35,12 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
             (t_name, _), (r_name, _) = names
             yield from summarise(t_name, MM * translation, "mm", point=point)
             yield from summarise(r_name, np.degrees(rotation), "deg", point=point)
+
+
+def pairs_of(take: ScoredTake, delta_s: float) -> Pairs:
+    """Indices (k,) of all pairs of samples that far apart to half a period."""
+    tolerance = take.estimate.period_s * NS / 2 if len(take.estimate) > 1 else 0.0
+    return pairs_by_time(take.estimate.t, round(delta_s * NS), round(tolerance))
 
 
 FAMILY = Family(

@@ -46,6 +46,7 @@ class ScoredTake:
         y: `T_base_world` fitted over the window; None without `x`.
         anchor_end: end of the anchor window [ns]; None where the case has none.
         sitting_y: `T_base_world` of the calibration, where nothing recentred in between.
+        no_sitting: why there is none.
         segment: `all`, or the epoch it lies in.
         x_covariance: of X (6, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
         offset_sigma_s: standard deviation of the clock's offset [s].
@@ -62,6 +63,7 @@ class ScoredTake:
     y: Transform | None = None
     anchor_end: int | None = None
     sitting_y: Transform | None = None
+    no_sitting: str = "no world frame of a calibration holds in this take"
     clock_fit: ClockEvidence | None = None
     segment: str = "all"
     x_covariance: Floats | None = None

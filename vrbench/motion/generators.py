@@ -13,6 +13,9 @@ from vrbench.motion.motion import Motion, relative_to_first
 from vrbench.trajectory import NS, Trajectory
 
 RATE_HZ = 120
+# The calibration motion: how far its channels go, position [m] and rotation vector [rad], how long.
+REACH = np.concatenate(([0.36, 0.14, 0.20], np.radians([30.0, 45.0, 24.0])))
+SATURATE_S = 120.0
 
 
 def _quintic(u: Floats) -> Floats:
@@ -79,7 +82,7 @@ def shooter() -> Motion:
 
 def saturate() -> Motion:
     """The calibration motion: slow, about and along all axes, beyond the suites' motions."""
-    return saturating("saturate-1", "Calibration: all axes, slow, 120 s", 120.0)
+    return saturating("saturate-1", "Calibration: all axes, slow, 120 s", SATURATE_S)
 
 
 def saturate_short() -> Motion:
@@ -87,20 +90,30 @@ def saturate_short() -> Motion:
     return saturating("saturate-30s-1", "Check: all axes, slow, 30 s", 30.0)
 
 
-def saturating(name: str, title: str, duration_s: float) -> Motion:
-    """Slow turns and moves about and along all axes, for so long [s]."""
+def saturating(
+    name: str, title: str, duration_s: float, reach: Floats = REACH, slower: float = 1.0
+) -> Motion:
+    """Slow turns and moves about and along all axes.
+
+    Args:
+        name: name and version.
+        title: for people.
+        duration_s: how long, before it is slowed down [s].
+        reach: how far position and rotation vector go (6,) [m, rad].
+        slower: times as long, and so much slower.
+    """
+    duration_s *= slower
     t = np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ
     # Two tones a channel, none a multiple of another, so that no axis moves with another. A tracker
     # errs slowly, so X is told by turns that are quicker than its errors: the second tones of
     # rotation are as quick as stays below 0.5 m/s and 90 deg/s with the flange 0.3 m away.
     slow = np.array([0.067, 0.083, 0.073, 0.097, 0.071, 0.089])
     fast = np.array([0.117, 0.139, 0.127, 0.389, 0.353, 0.431])
-    reach = np.concatenate(([0.36, 0.14, 0.20], np.radians([30.0, 45.0, 24.0])))
     of_slow = np.array([0.66, 0.66, 0.66, 0.60, 0.60, 0.60])
     of_fast = np.array([0.40, 0.40, 0.40, 0.45, 0.45, 0.45])
-    angle = 2.0 * np.pi * t[:, None]
+    angle = 2.0 * np.pi * t[:, None] / slower
     course = reach * (of_slow * np.sin(angle * slow) + of_fast * np.sin(angle * fast + 1.0))
-    return _motion(name, title, t, _rest_at_ends(t, course, 2.0, 3.0))
+    return _motion(name, title, t, _rest_at_ends(t, course, 2.0 * slower, 3.0 * slower))
 
 
 GENERATORS: dict[str, Callable[[], Motion]] = {

@@ -15,7 +15,7 @@ from pluggy import HookImpl
 from pydantic import BaseModel
 
 from vrbench import __version__
-from vrbench.config.yaml_file import validate
+from vrbench.config.yaml_file import load_yaml, validate
 from vrbench.errors import ConfigError
 from vrbench.plugin import builtin, hookspecs
 
@@ -29,6 +29,15 @@ GROUP = "vrbench"
 # Names of the plugins to load, separated by commas; none where it is empty.
 NARROW = "VRBENCH_PLUGINS"
 BUILTIN = "builtin"
+# What plugins offer, by the attribute of `Plugins` that holds it.
+KINDS = {
+    "headset": "headsets",
+    "mocap": "mocap",
+    "robot": "robots",
+    "importer": "importers",
+    "metric": "metrics",
+    "suite": "suites",
+}
 
 
 class _Named(Protocol):
@@ -72,6 +81,7 @@ class Plugins:
         self._infos = [PluginInfo(BUILTIN, __version__, "vrbench")]
         # where in _infos each loaded plugin stands: two may bear one name, but one is loaded
         self._loaded = {BUILTIN: 0}
+        self._offers: dict[tuple[str, str], str] = {}
         wanted = os.environ.get(NARROW)
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
             if wanted is None or entry.name in wanted.split(","):
@@ -125,13 +135,17 @@ class Plugins:
         found: dict[str, Spec] = {}
         for impl in getattr(self._manager.hook, hook).get_hookimpls():
             try:
-                found |= _offered(impl, kind, found)
+                offered = _offered(impl, kind, found)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a plugin may raise anything
                 if impl.plugin is builtin:
                     raise
                 self._blame(impl.plugin_name, f"{hook} {_told(error)}")
+                continue
+            found |= offered
+            attribute = hook.removeprefix("vrbench_")
+            self._offers |= {(attribute, name): impl.plugin_name for name in offered}
         return found
 
     def _blame(self, name: str, reason: str) -> None:
@@ -173,6 +187,20 @@ class Plugins:
     @cached_property
     def suites(self) -> Mapping[str, Path]:
         return self._named("vrbench_suites", Path)
+
+    def things(self, kind: str) -> Mapping[str, Any]:
+        """What is offered of a kind, by name; `KINDS` are the kinds."""
+        things: Mapping[str, Any] = getattr(self, KINDS[kind])
+        return things
+
+    def offered_by(self, kind: str, name: str) -> PluginInfo:
+        """The plugin that offers the thing of this kind and name.
+
+        Raises:
+            KeyError: nobody does.
+        """
+        self.things(kind)
+        return self._infos[self._loaded[self._offers[KINDS[kind], name]]]
 
     def versions(self) -> dict[str, str]:
         """Versions of the loaded plugins' distributions."""
@@ -241,7 +269,10 @@ def check_options(
     Raises:
         ConfigError: an option is unknown, missing or wrong.
     """
-    return validate(dict(options), model, f"{file}: {field}" if file else field)
+    if file is None or not Path(file).is_file():
+        return validate(dict(options), model, f"{file}: {field}" if file else field)
+    under = [int(part) if part.isdecimal() else part for part in field.split(".")]
+    return validate(dict(options), model, file, load_yaml(Path(file))[1], under)
 
 
 def titles(things: Mapping[str, Any]) -> Sequence[tuple[str, str]]:

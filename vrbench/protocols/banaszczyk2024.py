@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrbench.clocks import ClockMap
+from vrbench.clocks import ClockMap, Skew
 from vrbench.errors import DataError, EstimationError
 from vrbench.estimation.alignment import align
 from vrbench.estimation.handeye import paper_residual
@@ -94,6 +94,7 @@ def prepare(
     x: Transform | None,
     *,
     anchor_s: float | None = None,
+    skew: Skew | None = None,
     measured: ClockMap | None = None,
 ) -> ScoredTake:
     """A take on the reference's clock, in pairs of nearest neighbours.
@@ -104,7 +105,7 @@ def prepare(
         EstimationError: peaks that can't be paired, no neighbours.
         DataError: a stream is missing, another headset than the paper's two.
     """
-    del anchor_s, measured  # the paper knows neither
+    del anchor_s, skew, measured  # the paper knows none of them
     truth = bag_time(columns, reference)
     offset_s = _headset(columns).offset_s
     if reference == "robot_paper":

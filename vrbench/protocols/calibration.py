@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from vrbench.clocks import Skew
 from vrbench.geometry import (
     Floats,
     Transform,
@@ -46,6 +47,8 @@ class Calibration:
         tcp: poses `T_base_tcp` it was made of, thinned to at most 500.
         x_covariance: of X (6, 6): rotation vector in `eye` [rad], translation in `tcp` [m]; None
             where the protocol has none.
+        world: names the world of `y`; None where nobody knows which it is.
+        skew: of the headset's clock; None where the protocol has none.
     """
 
     take: str
@@ -57,6 +60,8 @@ class Calibration:
     end: int
     tcp: Transform
     x_covariance: Floats | None = None
+    world: str | None = None
+    skew: Skew | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +107,23 @@ def mean_x(calibrations: Sequence[Calibration]) -> tuple[Transform, Floats | Non
     information = np.linalg.pinv(np.mean(covariances, axis=0), hermitian=True)
     chi_square = float(np.einsum("ni,ij,nj->", off, information, off))
     return x, covariance * max(1.0, chi_square / (6 * (len(calibrations) - 1)))
+
+
+def mean_skew(calibrations: Sequence[Calibration]) -> Skew | None:
+    """The mean skew of the calibrations, each by its certainty; None where none has one.
+
+    What they scatter by more than they should is added, as to the mean X.
+    """
+    found = [c.skew for c in calibrations if c.skew is not None]
+    if not found:
+        return None
+    weight = np.array([1.0 / skew.sigma**2 for skew in found])
+    value = np.array([skew.value for skew in found])
+    mean = float(np.sum(weight * value) / np.sum(weight))
+    variance = 1.0 / float(np.sum(weight))
+    if len(found) > 1:
+        variance *= max(1.0, float(np.sum(weight * (value - mean) ** 2)) / (len(found) - 1))
+    return Skew(mean, math.sqrt(variance))
 
 
 def _difference(a: Transform, b: Transform) -> Floats:

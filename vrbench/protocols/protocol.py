@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
-from vrbench.clocks import ClockMap
+from vrbench.clocks import ClockMap, Skew
 from vrbench.errors import DataError
 from vrbench.geometry import Transform
 from vrbench.metrics.registry import Family
@@ -23,8 +23,8 @@ REFERENCES = {"robot": "robot/tcp", "mocap": "mocap/"}
 class Prepare(Interface):
     """Makes a take ready for scoring.
 
-    `anchor_s` is the length of the anchor window; with `measured`, a clock known from elsewhere,
-    none is estimated.
+    `anchor_s` is the length of the anchor window, `skew` the clock's by the calibrations; with
+    `measured`, a clock known from elsewhere, none is estimated.
     """
 
     def __call__(
@@ -34,6 +34,7 @@ class Prepare(Interface):
         x: Transform | None,
         *,
         anchor_s: float | None = None,
+        skew: Skew | None = None,
         measured: ClockMap | None = None,
     ) -> ScoredTake: ...
 
@@ -77,6 +78,16 @@ def headset_samples(columns: Columns) -> Samples:
     if HEADSET not in columns.poses:
         raise DataError(f"the take has no {HEADSET}", fix=f"it has {', '.join(columns.poses)}")
     return columns.poses[HEADSET]
+
+
+def world_of(columns: Columns) -> str | None:
+    """Names the world frame that a take's good poses lie in; takes of one name share it.
+
+    None where nobody knows, or there are several. It is the epoch, in the numbering that the
+    take's metadata names as `world`.
+    """
+    name, epochs = columns.metadata.get("world"), headset_samples(columns).epochs
+    return f"{name}, epoch {epochs[0]}" if name and len(epochs) == 1 else None
 
 
 def reference_samples(columns: Columns, reference: str) -> Samples:

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vrbench.estimation.clock import ClockFit, estimate_clock
+from vrbench.estimation.clock import MAX_SEARCH_S, ClockFit, estimate_clock
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.trim import active_window
 from vrbench.protocols.protocol import headset_samples, reference_samples
@@ -19,6 +19,8 @@ from vrbench.trajectory import NS, Trajectory
 SEARCH_SHARE = 0.45
 # Over how long, before and after a step of the host's clock, the times of arrival are compared.
 ARRIVALS_S = 10.0
+# Of the year 2001: no recording is older, and no device has been on for so long.
+FIRST_DATE_S = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +46,8 @@ def synchronised(columns: Columns, reference: str) -> Synchrony:
 
     The search for the offset is centred on what the times of arrival tell of it, so that clocks
     that count from a device's start are found too. In a take of loops it stays within half a loop.
+    Where a stream has no times of arrival and its clock is far off, as one that counts from a
+    device's start, it is centred on where both streams begin.
     The last take is kept, for a take is scored in several ways one after the other.
 
     Raises:
@@ -57,15 +61,47 @@ def synchronised(columns: Columns, reference: str) -> Synchrony:
     rests = spans(columns, "hold", truth)
     moving = whole.between(start, max([end, *rests[:, 1].tolist()]))
     estimate = headset.trajectory()
-    loop_s = loop_duration_s(columns)
+    around_s, search_s = _search(columns, headset, truth)
     fit = estimate_clock(
         moving,
         estimate,
-        search_s=None if loop_s is None else SEARCH_SHARE * loop_s,
-        around_s=_behind(headset) - _behind(truth),
+        search_s=search_s,
+        around_s=around_s,
         steps_ns=_clock_steps(columns, headset, truth),
     )
     return Synchrony(moving, PoseSpline(moving), estimate, fit)
+
+
+def other_epochs(headset: Samples, truth: Samples) -> float | None:
+    """How far apart [s] the stamps of two streams begin, where they count from other epochs.
+
+    That is where one of them counts from a device's start, they lie apart by more than the ten
+    minutes that are searched, and no times of arrival tell of their clocks. None where it isn't.
+    """
+    if not len(headset) or not len(truth) or (_has_arrivals(headset) and _has_arrivals(truth)):
+        return None
+    gap = max(
+        int(headset.pose_t[0]) - int(truth.pose_t[-1]),
+        int(truth.pose_t[0]) - int(headset.pose_t[-1]),
+    )
+    start = min(int(headset.pose_t[0]), int(truth.pose_t[0]))
+    if gap <= MAX_SEARCH_S * NS or start >= FIRST_DATE_S * NS:
+        return None
+    return (int(headset.pose_t[0]) - int(truth.pose_t[0])) / NS
+
+
+def _has_arrivals(samples: Samples) -> bool:
+    return not np.array_equal(samples.receive_t, samples.pose_t)
+
+
+def _search(columns: Columns, headset: Samples, truth: Samples) -> tuple[float, float | None]:
+    """Where the search for the offset is centred and how far it reaches [s]; None for the usual."""
+    apart_s = other_epochs(headset, truth)
+    if apart_s is not None:
+        return apart_s, None
+    loop_s = loop_duration_s(columns)
+    reach_s = None if loop_s is None else SEARCH_SHARE * loop_s
+    return _behind(headset) - _behind(truth), reach_s
 
 
 def loop_duration_s(columns: Columns) -> float | None:

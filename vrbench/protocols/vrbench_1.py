@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from vrbench.clocks import ClockMap
+from vrbench.clocks import ClockMap, Skew
 from vrbench.errors import EstimationError
+from vrbench.estimation.drift import LONG_TAKE_S
 from vrbench.estimation.fit import Fit, fit
 from vrbench.estimation.handeye import (
     refuse_other_handedness,
@@ -16,6 +17,7 @@ from vrbench.estimation.handeye import (
     solve_world,
 )
 from vrbench.estimation.interpolation import PoseSpline, paired
+from vrbench.estimation.jumps import refuse_jump
 from vrbench.geometry import Floats, Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, thinned
@@ -23,6 +25,7 @@ from vrbench.protocols.protocol import (
     Protocol,
     headset_samples,
     recorded_span,
+    world_of,
 )
 from vrbench.protocols.synchrony import synchronised
 from vrbench.streams import Columns
@@ -40,7 +43,7 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
     20 ppm are 2.4 ms in two minutes, which would turn X by 0.006 deg.
 
     Raises:
-        EstimationError: the take doesn't determine X.
+        EstimationError: the take doesn't determine X, or the headset's world changes within it.
         DataError: a stream is missing.
     """
     epochs = headset_samples(columns).epochs
@@ -51,6 +54,7 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
     together = synchronised(columns, reference)
     spline, estimate, clock = together.spline, together.estimate, together.clock_fit.clock
     covered, tcp = paired(spline, estimate, clock)
+    refuse_jump(estimate.t[covered], tcp, estimate.pose[covered])
     start = solve_handeye(tcp, estimate.pose[covered])
     best = fit(
         spline,
@@ -73,7 +77,16 @@ def calibrate(columns: Columns, reference: str, take: str) -> Calibration:
         end=ended,
         tcp=thinned(tcp),
         x_covariance=_x_covariance(best),
+        world=world_of(columns),
+        skew=_skew(best),
     )
+
+
+def _skew(best: Fit) -> Skew:
+    """What a calibration found of the clock's skew."""
+    ends = best.t[[0, -1]]
+    offsets = best.clock.offset_ns(ends)
+    return Skew(float(np.diff(offsets)[0] / np.diff(ends)[0]), best.sigma("skew"))
 
 
 def _x_covariance(best: Fit) -> Floats:
@@ -89,9 +102,13 @@ def prepare(
     x: Transform | None,
     *,
     anchor_s: float | None = None,
+    skew: Skew | None = None,
     measured: ClockMap | None = None,
 ) -> ScoredTake:
     """A take on the reference's clock; with X, offset and Y are fitted, and nothing else.
+
+    A take too short to tell a skew has that of the calibrations, and the offset's uncertainty
+    takes in how well that is known.
 
     Raises:
         EstimationError: the streams can't be synchronised, or the eye's poses are mirrored,
@@ -101,11 +118,14 @@ def prepare(
     together = synchronised(columns, reference)
     moving, spline, estimate = together.moving, together.spline, together.estimate
     synchrony = together.clock_fit
-    clock, y, sigma = measured or synchrony.clock, None, None
+    if estimate.duration_s >= LONG_TAKE_S:
+        skew = None
+    clock, y, sigma = measured or _gaining(synchrony.clock, skew), None, None
     if x is not None:
         free = ("y",) if measured else ("offset", "y")
         start = _world(spline, estimate, clock, x)
-        best = fit(spline, estimate, clock=clock, x=x, y=start, free=free)
+        known = 0.0 if measured or skew is None else skew.sigma
+        best = fit(spline, estimate, clock=clock, x=x, y=start, free=free, skew_sigma=known)
         clock, y = best.clock, best.y
         sigma = None if measured else best.sigma("offset")
         middle = int(estimate.t[len(estimate) // 2])
@@ -127,6 +147,15 @@ def prepare(
         clock_fit=synchrony,
         offset_sigma_s=sigma,
     )
+
+
+def _gaining(clock: ClockMap, skew: Skew | None) -> ClockMap:
+    """A clock of constant pieces, two knots each, made to gain by the skew."""
+    if skew is None:
+        return clock
+    ends = clock.knots.reshape(-1, 2)
+    since = ends - (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) // 2)
+    return ClockMap(clock.knots, clock.offsets + skew.value * since.ravel())
 
 
 def _world(spline: PoseSpline, estimate: Trajectory, clock: ClockMap, x: Transform) -> Transform:

@@ -16,6 +16,8 @@ from vrbench.trajectory import NS, QUATERNION_TOLERANCE
 
 MAX_DROPPED = 1e-3
 """The part of a file's poses that may be dropped for their stamps; one pose always may."""
+MOST_STEPS = 3
+"""Stamps that go back more often aren't those of a clock that was set."""
 LONGEST_GAP_S = 3600.0
 """Poses further apart in time than this aren't of one recording."""
 
@@ -43,11 +45,18 @@ def imported_poses(
 
     Raises:
         DataError: no poses, a value that isn't finite, a quaternion far from unit length, stamps
-            that go back or repeat too often to be mended.
+            that go back, or repeat with other poses, too often to be mended.
     """
     if len(t) == 0:
         raise DataError("holds no poses", file=file)
     pose = checked_poses(p, q, file=file, row=row)
+    again = _told_again(t, p, q)
+    if again.any():
+        n = int(again.sum())
+        many = f"{n} {row}s" if n > 1 else f"{n} {row}"
+        repairs = (*repairs, f"{many} dropped, the same as the one before, stamp and pose")
+        t, pose = t[~again], pose[~again]
+        receive_t = None if receive_t is None else receive_t[~again]
     keep = increasing(t, file=file, row=row)
     if len(keep) < len(t):
         n, t, pose = len(t), t[keep], pose[keep]
@@ -103,8 +112,8 @@ def increasing(t: Ints, *, file: Path, row: str = "pose") -> npt.NDArray[np.intp
     """Which stamps t (n,) [ns] to keep so that they increase strictly: the most that do.
 
     One stamp in a thousand may go, and one in any file: a frame logged twice, two that changed
-    places. More than that is a clock that was set, and what lies after it is no longer on one
-    time scale with what lies before.
+    places. More than that is a clock that was set, after which nothing is on one time scale with
+    what lies before, or no recording in order.
 
     Raises:
         DataError: more would have to go.
@@ -121,9 +130,27 @@ def increasing(t: Ints, *, file: Path, row: str = "pose") -> npt.NDArray[np.intp
             f"{back[0] + 2}, by up to {-int(steps.min()) / NS:.3f} s",
             file=file,
             fix=f"they must increase; one {row} in a thousand may be dropped, here {dropped}"
-            " would have to be: cut the recording where its clock was set",
+            f" would have to be: {_advice(steps, row)}",
         )
     return keep
+
+
+def _told_again(t: Ints, p: Floats, q: Floats) -> npt.NDArray[np.bool_]:
+    """Which poses (n,) are the one before once more, under the same stamp."""
+    again = np.zeros(len(t), dtype=bool)
+    same = np.all(p[1:] == p[:-1], axis=1) & np.all(q[1:] == q[:-1], axis=1)
+    again[1:] = (np.diff(t) == 0) & same
+    return again
+
+
+def _advice(steps: Ints, row: str) -> str:
+    """What to do about stamps, given the steps (n - 1,) [ns] between them."""
+    back = int(np.sum(steps < 0))
+    if not back:
+        return f"one {row} a stamp: are stamps too coarse for the rate, or two bodies in one file?"
+    if back <= MOST_STEPS:
+        return "cut the recording where its clock was set"
+    return f"sort its {row}s by time, and give each recording a file of its own"
 
 
 def _together(t: Ints, *, file: Path, row: str) -> slice:

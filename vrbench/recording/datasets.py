@@ -1,7 +1,8 @@
 """Published recordings that vrbench knows: where they are, and whether they are whole.
 
-Datasets aren't fetched by vrbench and aren't part of it: each lies in a folder of its own name,
-laid out as upstream, inside the folder that the environment variable VRBENCH_DATA names.
+Datasets aren't part of vrbench: each lies in a folder of its own name, laid out as upstream, inside
+the folder that the environment variable VRBENCH_DATA names, or else in the user's cache, where
+`vrbench data fetch` puts them.
 """
 
 from __future__ import annotations
@@ -44,9 +45,14 @@ class Dataset:
     def how_to_get(self) -> str:
         """What to do to have it, in a sentence."""
         return (
-            f"set {VARIABLE} to the folder that holds {self.name}/, a copy of {self.upstream} at"
-            f" commit {self.commit}"
+            f"vrbench data fetch {self.name}; or set {VARIABLE} to the folder that holds"
+            f" {self.name}/, a copy of {self.upstream} at commit {self.commit}"
         )
+
+    @property
+    def files_url(self) -> str:
+        """What the path of a file is put behind, to have its address."""
+        return f"{self.upstream}/raw/{self.commit}/"
 
 
 class State(StrEnum):
@@ -128,19 +134,31 @@ def known(name: str) -> Dataset:
     return DATASETS[name]
 
 
+def cache() -> Path:
+    """The folder that datasets are kept in where VRBENCH_DATA names none."""
+    from platformdirs import user_cache_path
+
+    return user_cache_path("vrbench", appauthor=False)
+
+
+def folder_of(name: str) -> Path:
+    """The folder of a dataset, whether it is there or not: below VRBENCH_DATA, or in the cache."""
+    root = os.environ.get(VARIABLE, "").strip()
+    return (Path(root).expanduser() if root else cache()) / known(name).name
+
+
 def find(name: str) -> Path:
     """The folder of a dataset; which of its files are there is for `status` to say.
 
     Raises:
-        ConfigError: no such dataset, VRBENCH_DATA isn't set, or its folder isn't there.
+        ConfigError: no such dataset, or its folder isn't there.
     """
-    dataset = known(name)
-    root = os.environ.get(VARIABLE, "").strip()
-    if not root:
+    dataset, folder = known(name), folder_of(name)
+    if not folder.is_dir() and not os.environ.get(VARIABLE, "").strip():
         raise ConfigError(
-            f"dataset {name} is needed and {VARIABLE} is not set", fix=dataset.how_to_get
+            f"dataset {name} is needed, was never fetched, and {VARIABLE} is not set",
+            fix=dataset.how_to_get,
         )
-    folder = Path(root).expanduser() / name
     if not folder.is_dir():
         raise ConfigError("no such folder", file=folder, fix=dataset.how_to_get)
     return folder
@@ -166,7 +184,7 @@ def find_file(name: str, path: str) -> Path:
             raise DataError(
                 f"is not the file of dataset {name}: its sha256 differs",
                 file=file,
-                fix=f"copy it again from {dataset.upstream} at commit {dataset.commit}",
+                fix=f"fetch it again: {dataset.how_to_get}",
             )
     return file
 

@@ -27,8 +27,12 @@ class StartOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    start: str | None = None
-    utc_offset: str | None = Field(None, pattern=UTC_OFFSET)
+    start: str | None = Field(
+        None, description="when frame 0 was taken, ISO 8601 with its zone; else as the file says"
+    )
+    utc_offset: str | None = Field(
+        None, pattern=UTC_OFFSET, description="of the local time that the file gives: +01:00"
+    )
 
 
 def start_ns(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from vrbench.geometry import CONVENTIONS, Floats, Transform
 from vrbench.streams import Samples
@@ -27,7 +27,9 @@ class AxesOptions(NoOptions):
             not given, which is right for a robot, and for a headset where y is up.
     """
 
-    axes: Literal["openxr", "unity", "unreal", "ros"] | None = None
+    axes: Literal["openxr", "unity", "unreal", "ros"] | None = Field(
+        None, description="whose convention the file's axes follow; as they are where not given"
+    )
 
     def to_openxr(self, pose: Transform) -> Transform:
         """Poses of the file, in OpenXR's convention."""

@@ -139,7 +139,7 @@ def _csv_cell(cell: Any) -> str:
         return f"{cell:.10g}"
     text = one_line(str(cell))
     # a spreadsheet would carry out a text that begins so
-    return f"'{text}" if text.startswith(tuple("=+-@")) else text
+    return f"'{text}" if text.lstrip().startswith(tuple("=+-@")) else text
 
 
 def _ranked_name(board: Board) -> str:

@@ -8,6 +8,7 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
@@ -172,7 +173,7 @@ class Bundle:
         """
         path = inside(self.folder, name)
         try:
-            size = path.stat().st_size
+            size = _file_size(path)
             if size > MAX_TABLE_BYTES:
                 raise DataError(
                     f"{size} bytes", file=path, fix=f"a table has {MAX_TABLE_BYTES} at most"
@@ -213,10 +214,9 @@ class Bundle:
         """
         path = inside(folder, RECORD)
         try:
-            if path.stat().st_size > MAX_RECORD_BYTES:
-                raise ConfigError(
-                    f"{path.stat().st_size} bytes", file=path, fix=f"{MAX_RECORD_BYTES} at most"
-                )
+            size = _file_size(path)
+            if size > MAX_RECORD_BYTES:
+                raise ConfigError(f"{size} bytes", file=path, fix=f"{MAX_RECORD_BYTES} at most")
             content = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             raise ConfigError("is not a run", file=folder, fix=f"a folder with {RECORD}") from None
@@ -291,6 +291,18 @@ def inside(folder: Path, name: str) -> Path:
             "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
         )
     return path
+
+
+def _file_size(path: Path) -> int:
+    """How many bytes a file has.
+
+    Raises:
+        DataError: a pipe or a device stands there, which could be read for ever.
+    """
+    found = path.stat()
+    if not (S_ISREG(found.st_mode) or S_ISDIR(found.st_mode)):
+        raise DataError("is no file", file=path, fix="a bundle holds files and folders only")
+    return found.st_size
 
 
 def require_new(folder: Path) -> None:

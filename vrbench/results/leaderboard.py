@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
 from pathlib import Path
 
 from vrbench.errors import ConfigError, DataError, VrbenchError
@@ -18,7 +17,7 @@ from vrbench.results.scatter import measured
 from vrbench.results.standing import Standing, baseline_of, is_change, standings
 from vrbench.results.tables import pool
 from vrbench.statistics.bootstrap import scope_of
-from vrbench.statistics.ranks import Measured, interval, rank, separation
+from vrbench.statistics.ranks import Measured, interval, rank, told_apart
 
 
 def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
@@ -206,11 +205,13 @@ def _ranked(
     with ThreadPoolExecutor() as threads:
         numbers = list(threads.map(_measured, sound))
     ranked = []
-    for labs in _comparable_labs([entry for entry, _ in sound], numbers):
+    entries = [entry for entry, _ in sound]
+    differing = _differing_labs(entries, numbers)
+    for labs in _comparable_labs(entries):
         mine = [i for i, (entry, _) in enumerate(sound) if entry.lab in labs]
         for i, (best, last) in zip(mine, rank([numbers[i] for i in mine]), strict=True):
             entry, sittings = sound[i]
-            why = next((copies[s.run] for s in sittings if s.run in copies), "")
+            why = next((copies[s.run] for s in sittings if s.run in copies), differing.get(i, ""))
             ranked.append(
                 replace(entry, rank=best, last_rank=last, ranked_among=tuple(labs), reason=why)
             )
@@ -222,20 +223,38 @@ def _measured(one: tuple[Entry, Sequence[Standing]]) -> Measured:
     return measured(sittings, floor=entry.floor)
 
 
-def _comparable_labs(entries: Sequence[Entry], numbers: Sequence[Measured]) -> list[list[str]]:
+def _comparable_labs(entries: Sequence[Entry]) -> list[list[str]]:
     """The labs in groups whose entries are ranked together.
 
     Two labs are comparable if they ran one device, the same in firmware, logger and prediction
-    mode, and found the same of it: its two numbers can't be told apart.
+    mode.
     """
     groups = {entry.lab: {entry.lab} for entry in entries}
-    by_device: dict[tuple[str, ...], list[int]] = defaultdict(list)
-    for i, entry in enumerate(entries):
-        by_device[entry.identity].append(i)
-    for shared in by_device.values():
-        for i, j in combinations(shared, 2):
-            first, second = groups[entries[i].lab], groups[entries[j].lab]
-            if first is not second and not separation(numbers[i], numbers[j]).told:
+    for shared in _by_device(entries).values():
+        for i in shared[1:]:
+            first, second = groups[entries[shared[0]].lab], groups[entries[i].lab]
+            if first is not second:
                 first |= second
                 groups |= dict.fromkeys(second, first)
     return sorted(sorted(labs) for labs in {id(g): g for g in groups.values()}.values())
+
+
+def _differing_labs(entries: Sequence[Entry], numbers: Sequence[Measured]) -> dict[int, str]:
+    """By entry: which labs found otherwise of its device, where they can be told apart."""
+    found = {}
+    for shared in _by_device(entries).values():
+        told = told_apart([numbers[i] for i in shared])
+        for i, row in zip(shared, told, strict=True):
+            others = [entries[j] for j, differs in zip(shared, row, strict=True) if differs]
+            if others:
+                labs = ", ".join(f"{other.lab} ({other.value:.4g})" for other in others)
+                found[i] = f"of the same device other labs found otherwise: {labs}"
+    return found
+
+
+def _by_device(entries: Sequence[Entry]) -> dict[tuple[str, ...], list[int]]:
+    """Which entries are of one device, in whatever lab."""
+    found: dict[tuple[str, ...], list[int]] = defaultdict(list)
+    for i, entry in enumerate(entries):
+        found[entry.identity].append(i)
+    return found

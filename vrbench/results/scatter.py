@@ -87,8 +87,11 @@ def _bins(sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]) -
         if not known:
             return {}
         every += known
-    common = reduce(np.intersect1d, [one.bin for one in every])
-    squares = [one.mean_square[np.isin(one.bin, common)] for one in every]
+    common = every[0].bin
+    squares = [one.mean_square for one in every]
+    if not all(np.array_equal(one.bin, common) for one in every):
+        common = reduce(np.intersect1d, [one.bin for one in every])
+        squares = [one.mean_square[np.isin(one.bin, common)] for one in every]
     square = np.mean(squares, axis=0)
     rmse = float(np.sqrt(np.mean(square))) if len(common) else 0.0
     if rmse == 0.0:

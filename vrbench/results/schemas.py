@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Any, get_args
 
 from pydantic import BaseModel, TypeAdapter
 
+from vrbench.config.case import Case, Condition
 from vrbench.config.recordings import OTHER_ROBOT, Recordings
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
 from vrbench.results.bundle import RunRecord
 from vrbench.results.tables import Row
 
+# A field and its text, in the section of a docstring.
+ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 MODELS: dict[str, type[BaseModel]] = {
     "suite": Suite,
@@ -29,6 +35,7 @@ def json_schema(name: str) -> dict[str, Any]:
             as its definition `Row`.
     """
     schema = MODELS[name].model_json_schema(by_alias=True)
+    _describe(schema, MODELS[name])
     if name == "suite":
         schema = _extending(schema)
     elif name == "recordings":
@@ -38,6 +45,43 @@ def json_schema(name: str) -> dict[str, Any]:
     elif name == "results":
         schema["$defs"]["Row"] = TypeAdapter(Row).json_schema()
     return {"$schema": DIALECT, **schema}
+
+
+def _describe(schema: dict[str, Any], top: type[BaseModel]) -> None:
+    """Writes into a schema what the docstrings of its models say of their fields."""
+    for model in _models(top):
+        part = schema if model is top else schema["$defs"].get(model.__name__)
+        if part is None:
+            continue
+        part["description"] = (inspect.getdoc(model) or "").partition("\n\nAttributes:")[0]
+        told = _told(model)
+        for field, info in model.model_fields.items():
+            place = part["properties"].get(info.alias or field)
+            if place is not None and field in told:
+                place.setdefault("description", told[field])
+
+
+def _models(model: type[BaseModel], seen: frozenset[Any] = frozenset()) -> Iterator[Any]:
+    """A model and all that its fields hold."""
+    yield model
+    waiting = [info.annotation for info in model.model_fields.values()]
+    while waiting:
+        kind = waiting.pop()
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            if kind not in seen | {model}:
+                yield from _models(kind, seen | {model})
+        else:
+            waiting += get_args(kind)
+
+
+def _told(model: type[BaseModel]) -> dict[str, str]:
+    """What docstrings say of a model's fields, its bases' too; a condition's are a case's."""
+    told = _told(Case) if model is Condition else {}
+    for base in reversed(model.__mro__):
+        _, _, section = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")
+        for field, text in ATTRIBUTE.findall(section):
+            told[field] = " ".join(text.split())
+    return told
 
 
 def _extending(schema: dict[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from vrbench.errors import DataError
 from vrbench.geometry import Floats, Ints
 from vrbench.results.bundle import TakeRecord
 from vrbench.results.phases import COLUMNS as PHASE_COLUMNS
-from vrbench.results.tables import COLUMNS, Row, row_of
+from vrbench.results.tables import COLUMNS, Row, rows_of
 
 Place = tuple[int, int]
 
@@ -41,8 +41,10 @@ def select_rows(
         end = text.find(b"\n", found.end())
         lines.append(text[text.rfind(b"\n", 0, found.start()) + 1 : end if end >= 0 else None])
     try:
-        rows = csv.reader(line.decode() for line in lines)
-        return [row_of(dict(zip(COLUMNS, row, strict=True))) for row in rows]
+        rows = list(csv.reader(line.decode() for line in lines))
+        if any(len(row) != len(COLUMNS) for row in rows):
+            raise ValueError(f"it has not {len(COLUMNS)} cells")
+        return rows_of(rows, path)
     except (ValueError, TypeError, csv.Error) as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
 

@@ -6,6 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from vrbench.config.case import UNCOVERED
 from vrbench.config.schedule import DEFAULT
@@ -203,6 +204,8 @@ def _standing(
         if r.status in ("failed", "invalid") and "all" not in (r.mount, r.repeat)
     }
     status, reason = _judged(suite, takes, [*main, *base], row, coverage, epochs, change=change)
+    if status == "ok" and (gone := _gone(bundle)):
+        status, reason = "takes missing", f"{gone} of its takes aren't there to be evaluated again"
     return Standing(
         bundle=bundle,
         suite=suite,
@@ -221,6 +224,14 @@ def _standing(
         status=status,
         reason=reason,
     )
+
+
+def _gone(bundle: Bundle) -> int:
+    """How many takes that were recorded aren't in the folder."""
+    folder = bundle.folder / "takes"
+    there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    recorded = [take for take in bundle.record.takes if take.status == "ok"]
+    return sum(Path(take.file).name not in there for take in recorded)
 
 
 def _is_pooled(row: Row, takes: Sequence[TakeRecord]) -> bool:

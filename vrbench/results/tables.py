@@ -151,19 +151,6 @@ def _row(cells: list[str]) -> Row:
     return Row(*typed)
 
 
-def row_of(cells: dict[str, str]) -> Row:
-    """The row of these cells, by column.
-
-    Raises:
-        ValueError: a number isn't one, or not finite.
-    """
-    numbers = {name: float(cells[name]) if cells[name] else None for name in _NUMBERS}
-    odd = [name for name, value in numbers.items() if value is not None and not isfinite(value)]
-    if odd:
-        raise ValueError(f"{odd[0]} is {numbers[odd[0]]}")
-    return Row(**{**cells, **numbers, "samples": int(cells["samples"])})  # type: ignore[arg-type]
-
-
 def pool(rows: Sequence[Row], over: Sequence[str], members: Mapping[Member, str]) -> list[Row]:
     """Rows over all members of some columns, of those rows that share all other columns.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vrbench.estimation.blocks import block_covariance
-from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
+from vrbench.geometry import Floats, Ints, Transform, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
@@ -39,6 +39,10 @@ class ErrorModel:
         turn: covariance of the alignment's own rotation (3, 3), in the square of the unit. It is
             fitted to positions, turns all rotations of the take alike, and so no resampling of
             them shows it. None for translations, which are fitted themselves.
+        centred: whether what a wrong X adds to the mean square is centred too. Where no alignment
+            takes it up, the take's own X has added one draw of it already.
+        slow: whether the error hardly changes within a bin. The mean error of others isn't told by
+            mean squares, and has no interval.
     """
 
     constant: Floats
@@ -46,6 +50,8 @@ class ErrorModel:
     quadratic: Floats
     motion: Floats
     turn: Floats | None = None
+    centred: bool = False
+    slow: bool = True
 
     def drawn(self, dx: Floats, rng: np.random.Generator) -> Floats:
         """Squares (m, b) with X off by dx (m, 6), and what the alignment's chance adds to them.
@@ -54,7 +60,8 @@ class ErrorModel:
         is centred, and widens the interval without moving it.
         """
         square: Floats = self.constant + dx @ self.linear.T
-        square += np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        added = np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
+        square += added - added.mean(axis=0) if self.centred else added
         if self.turn is not None:
             turn = rng.multivariate_normal(np.zeros(3), self.turn, size=len(dx), method="eigh")
             square += (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
@@ -72,17 +79,8 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     """
     if take.x is None:
         return {}
-    here = dict(error_vectors(take))
-    derivatives: dict[Key, list[Floats]] = {key: [] for key in here}
-    for dx in STEP * np.eye(6):
-        for key, there in error_vectors(replace(take, x=moved_x(take.x, dx))):
-            derivatives[key].append((there - here[key]) / STEP)
-    bin_s = max(BIN_S, take.estimate.duration_s / MOST_BINS)
-    bins = np.floor((take.estimate.t - take.estimate.t[0]) / (bin_s * NS)).astype(np.int64)
-    _, bins = np.unique(bins, return_inverse=True)
-    models = {
-        key: _model(error, np.stack(derivatives[key], axis=2), bins) for key, error in here.items()
-    }
+    bins = time_bins(take.estimate.t)
+    models = quadratic_models(take, error_vectors, bins)
     for at in aligned(take):
         key = ("ape.rotation.aligned", at.point)
         models[key] = replace(models[key], turn=_turn_covariance(at, bins))
@@ -91,11 +89,40 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     return models
 
 
+def time_bins(t: Ints) -> Ints:
+    """The bin of each stamp (n,) [ns], counted without holes."""
+    bin_s = max(BIN_S, (int(t[-1]) - int(t[0])) / NS / MOST_BINS)
+    _, bins = np.unique(np.floor((t - t[0]) / (bin_s * NS)).astype(np.int64), return_inverse=True)
+    return bins
+
+
+def quadratic_models(
+    take: ScoredTake, vectors: Callable[[ScoredTake], Iterable[tuple[Key, Floats]]], bins: Ints
+) -> dict[Key, ErrorModel]:
+    """Models of error vectors (n, 3) that depend on the take's X, given the bin of each (n,)."""
+    if take.x is None:
+        return {}
+    here = dict(vectors(take))
+    derivatives: dict[Key, list[Floats]] = {key: [] for key in here}
+    for dx in STEP * np.eye(6):
+        for key, there in vectors(replace(take, x=moved_x(take.x, dx))):
+            derivatives[key].append((there - here[key]) / STEP)
+    return {
+        key: _model(error, np.stack(derivatives[key], axis=2), bins) for key, error in here.items()
+    }
+
+
 def _of_motion(at: Compared, bins: np.ndarray) -> Floats:
     """What the scale's error makes of squared errors in each bin (b,) [mm^2], above its mean."""
-    arm = at.estimate.p - at.estimate.p.mean(axis=0)
+    return motion_part(at.estimate.p - at.estimate.p.mean(axis=0), at.translation(), bins)
+
+
+def motion_part(arm: Floats, error: Floats, bins: Ints) -> Floats:
+    """What the factor that fits errors (n, 3) [m] best, times arms (n, 3) [m], makes of squared
+    errors in each bin (b,) [mm^2], above its mean.
+    """
     square = np.einsum("ni,ni->n", arm, arm)
-    share = float(np.einsum("ni,ni->", arm, at.translation()) / square.sum())
+    share = float(np.einsum("ni,ni->", arm, error) / square.sum()) if square.any() else 0.0
     binned = (MM * share) ** 2 * _binned(square, bins)
     return binned - binned.mean()
 
@@ -135,6 +162,8 @@ def intervals(
             continue
         own = [model[key] for model in models]
         for statistic, wanted in STATISTICS.items():
+            if statistic == "mean" and not all(model.slow for model in own):
+                continue
             series = [
                 Series(wanted(model, model.constant), mount=mount, sitting=sitting)
                 for model, (sitting, mount) in zip(own, places, strict=True)
@@ -185,8 +214,7 @@ STATISTICS: dict[str, Callable[[ErrorModel, Floats], Floats]] = {
 def offset_interval(take: ScoredTake, offset_ms: float) -> Interval | None:
     """The interval of the clock's offset [ms]; None where it wasn't fitted with X.
 
-    It is the offset's at the moments with most motion: over them the clock's skew has its say, by
-    1 us for each ppm and second (see docs/accuracy.md).
+    It is the offset's in the middle of the take, and takes in how well its skew is known.
     """
     if take.offset_sigma_s is None:
         return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from types import TracebackType
 from typing import Any, Self
@@ -15,6 +14,7 @@ from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Session, Tracking
 from vrbench.devices.simulated.answers import Answers
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
+from vrbench.devices.simulated.worlds import Worlds
 from vrbench.geometry import (
     Bools,
     Floats,
@@ -22,15 +22,12 @@ from vrbench.geometry import (
     Transform,
     quat_conjugate,
     quat_multiply,
-    quat_rotate,
     quat_to_rotvec,
     rotvec_to_quat,
 )
 from vrbench.streams import GOOD, Columns, Event, Flag, Samples
 from vrbench.trajectory import NS
 
-# From base axes (z up) to a world as runtimes have it (y up).
-Y_UP = Transform.of((0.0, 0.0, 0.0), (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
 # Over which accelerations are taken: more than a step of the planned motion.
 BASELINE_NS = 20_000_000
 WANDER_S = 2400.0
@@ -84,8 +81,11 @@ class SimulatedHeadset:
         rng = rng_of(session.seed, "sitting")
         drawn = rng.uniform(-0.5, 0.5)
         self._offset_s = options.clock_offset_s if options.clock_offset_s is not None else drawn
+        self._opened = session.host.now()
         self._started = 0
         self._next = 0
+        self._mount = 0
+        self._worlds = Worlds(session.seed, 0, self._tracking, self._opened)
 
     def __enter__(self) -> Self:
         return self
@@ -99,20 +99,13 @@ class SimulatedHeadset:
         pass
 
     def start(self, take: str) -> None:
-        """The app starts: a new world, upright, anywhere."""
+        """A take begins; the app runs on, so its world and its epochs are those of the mount."""
         tracking, seed = self._tracking, self._session.seed
         self._x = self._session.mounting @ self._slip()
-        self._recentres = np.zeros(0)
-        self._new_world = rng_of(seed, "world", take)
-        self._worlds = [_world(self._new_world)]
-        rng = rng_of(seed, "drift", take)
-        way = rng.normal(size=3)
-        self._drift = way / np.linalg.norm(way) * tracking.drift_m_per_min / 60.0
-        self._turn = rng.choice((-1.0, 1.0)) * tracking.drift_rad_per_min / 60.0
         self._started = self._session.host.now()
-        self._next, self._told = 0, 0
-        self._asked = len(self._stage.recentred)
-        self._recentre(self._options.recentre_s)
+        self._next = 0
+        self._go_on()
+        self._worlds.recentre(self._started + np.array(self._options.recentre_s) * NS)
         self._found = len(self._stage.found_again())
         self._relocated = rng_of(seed, "relocalisation", take).normal(
             0.0, tracking.relocalisation_m, (MOST_LOST, 3)
@@ -132,23 +125,35 @@ class SimulatedHeadset:
             self._answers = Answers(rng_of(seed, "answers", take), self._started, self._device_time)
         self._tell_truth()
 
+    def _go_on(self) -> None:
+        """The app goes on since the last take, or starts anew in a new mount."""
+        stage = self._stage
+        if stage.mount != self._mount:
+            self._mount, self._asked = stage.mount, len(stage.recentred)
+            seed = self._session.seed
+            self._worlds = Worlds(seed, stage.mount, self._tracking, self._opened)
+        self._worlds.forget_after(self._started)
+        self._worlds.recentre(self._newly_asked())
+        self._told = len(self._worlds.recentres)
+
+    def _newly_asked(self) -> Ints:
+        """When recentres were asked for since the last look (k,) [ns]."""
+        asked = self._stage.recentred[self._asked :]
+        self._asked += len(asked)
+        return np.array(asked, dtype=np.int64)
+
     def _tell_truth(self) -> None:
         """Puts on the stage what is true of this take, as far as it has come."""
         tracking = self._tracking
-        base_worlds = [as_json(world.inverse()) for world in self._worlds]
         self._stage.truth["headset"] = {
             "tcp_eye": as_json(self._x),
-            "base_world": base_worlds[0],
-            "base_worlds": base_worlds,
-            "recentre_s": self._recentres.tolist(),
+            **self._worlds.truth(self._started),
             "clock_offset_s": self._offset_s,
             "clock_skew_ppm": self._options.clock_skew_ppm,
             "clock_wander_ppm": self._options.clock_wander_ppm,
             "clock_epoch_ns": self._started,
             "prediction_s": tracking.prediction_s,
             "scale_error": tracking.scale_error,
-            "drift_m_per_s": self._drift.tolist(),
-            "drift_yaw_rad_per_s": float(self._turn),
             "occlusion_growth": tracking.occlusion_growth,
             "relocated_m": self._relocated[1:].tolist(),
         }
@@ -156,9 +161,9 @@ class SimulatedHeadset:
     def read(self) -> Columns:
         tracking, rate = self._tracking, self._profile.rate_hz
         elapsed = (self._session.host.now() - self._started) / NS
-        asked = self._stage.recentred[self._asked :]
-        self._asked += len(asked)
-        self._recentre([(at - self._started) / NS for at in asked])
+        if len(asked := self._newly_asked()):
+            self._worlds.recentre(asked)
+            self._tell_truth()
         index = np.arange(self._next, max(self._next, int(elapsed * rate)))
         self._next += len(index)
         # seven draws a sample, sample by sample: batches of any size give the same stream
@@ -166,9 +171,8 @@ class SimulatedHeadset:
         late = np.clip(white[:, 6] * tracking.interval_jitter_s, -0.4 / rate, 0.4 / rate)
         since = (index + 0.5) / rate + late
         t = self._started + np.rint(since * NS).astype(np.int64)
-        epoch = np.searchsorted(self._recentres, since, side="right")
         covered = self._stage.covered(t)
-        pose = self._erring(self._seen(t, since, epoch), since, white, covered)
+        pose = self._erring(self._seen(t), since, white, covered)
         lost = self._lost(since)
         pose, blind = self._relocalised(pose, t, covered)
         lost |= blind
@@ -184,9 +188,9 @@ class SimulatedHeadset:
             receive_t=t + round(self._options.receive_delay_s * NS),
             pose=pose,
             flags=flags,
-            epoch=epoch.astype(np.uint32),
+            epoch=self._worlds.epoch(t).astype(np.uint32),
         )
-        return Columns({"headset/eye": samples}, events=self._recentred(elapsed), clocks=clocks)
+        return Columns({"headset/eye": samples}, events=self._recentred(), clocks=clocks)
 
     def facts(self) -> dict[str, str]:
         """See `vrbench.devices.ports.facts_of`."""
@@ -194,6 +198,7 @@ class SimulatedHeadset:
         return {
             "logger_version": __version__,
             "prediction": f"{1e3 * ahead:g} ms" if ahead else "none",
+            "world": self._worlds.name,
         }
 
     def stop(self) -> None:
@@ -214,14 +219,6 @@ class SimulatedHeadset:
         slips = hands.normal(0.0, options.handling_slip_m, (stage.handled, 3)).sum(axis=0)
         return Transform(sits.p + slips, sits.q)
 
-    def _recentre(self, since: Sequence[float]) -> None:
-        """New worlds from these times after the start [s] on."""
-        if len(since):
-            self._recentres = np.sort(np.concatenate((self._recentres, since)))
-            self._worlds += [_world(self._new_world) for _ in since]
-            if self._told or self._next:
-                self._tell_truth()
-
     def _relocalised(self, pose: Transform, t: Ints, covered: Floats) -> tuple[Transform, Bools]:
         """Poses (n,) in a map that is off where it was found again, and where it isn't found."""
         found = self._stage.found_again()
@@ -231,20 +228,11 @@ class SimulatedHeadset:
         off = self._relocated[np.minimum(times - self._found, MOST_LOST - 1)]
         return Transform(pose.p + off, pose.q), blind
 
-    def _seen(self, t: Ints, since: Floats, epoch: Ints) -> Transform:
+    def _seen(self, t: Ints) -> Transform:
         """`T_world_eye` (n,) as predicted, in worlds that drift and are too large or small."""
-        worlds = Transform(
-            np.array([world.p for world in self._worlds])[epoch],
-            np.array([world.q for world in self._worlds])[epoch],
-        )
-        pose = worlds @ self._predicted(t)
-        tracking = self._tracking
-        # the world turns about where the eye is when the app starts
-        start = self._stage.tcp(np.array([self._started])) @ self._x
-        pivot = (worlds @ Transform(start.p[0], start.q[0])).p
-        turn = rotvec_to_quat(since[:, None] * np.array([0.0, self._turn, 0.0]))
-        p = pivot + quat_rotate(turn, pose.p - pivot) + since[:, None] * self._drift
-        return Transform(p * (1.0 + tracking.scale_error), quat_multiply(turn, pose.q))
+        start = self._stage.tcp(np.array([self._opened])) @ self._x
+        pose = self._worlds.seen(t, self._predicted(t), start)
+        return Transform(pose.p * (1.0 + self._tracking.scale_error), pose.q)
 
     def _predicted(self, t: Ints) -> Transform:
         """`T_base_eye` (n,) that it tells at host times t (n,): of a moment later, less what a
@@ -281,18 +269,12 @@ class SimulatedHeadset:
         gained = self._options.clock_skew_ppm * since + self._options.clock_wander_ppm * swing
         return t + np.rint((self._offset_s + 1e-6 * gained) * NS).astype(np.int64)
 
-    def _recentred(self, elapsed: float) -> list[Event]:
+    def _recentred(self) -> list[Event]:
         """The recentres since the last look, at times of the host's clock."""
-        new = self._recentres[self._told :]
-        new = new[new <= elapsed]
+        new = self._worlds.recentres[self._told :]
+        new = new[new <= self._session.host.now()]
         self._told += len(new)
-        return [Event(self._started + round(s * NS), "recentre") for s in new.tolist()]
-
-
-def _world(rng: np.random.Generator) -> Transform:
-    """`T_world_base` of a new world."""
-    yaw = rotvec_to_quat(np.array([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
-    return Transform(rng.normal(0.0, 0.5, 3), yaw) @ Y_UP
+        return [Event(t, "recentre") for t in new.tolist()]
 
 
 HEADSET = HeadsetSpec(

@@ -114,13 +114,24 @@ class FakeRuntime:
         return SimpleNamespace(pose=pose, location_flags=self.xr.SpaceLocationFlags(self.flags))
 
 
-@pytest.fixture
-def fake(monkeypatch):
-    """The made-up runtime, ready, in the place of pyopenxr."""
+@pytest.fixture(scope="session")
+def make_runtime():
+    """Makes runtimes that are ready."""
     xr = pytest.importorskip("xr", reason="pyopenxr is not here: pip install pyopenxr PyOpenGL")
-    runtime = FakeRuntime(xr)
-    for state in ("IDLE", "READY", "SYNCHRONIZED", "VISIBLE", "FOCUSED"):
-        runtime.state(state)
+
+    def make():
+        runtime = FakeRuntime(xr)
+        for state in ("IDLE", "READY", "SYNCHRONIZED", "VISIBLE", "FOCUSED"):
+            runtime.state(state)
+        return runtime
+
+    return make
+
+
+@pytest.fixture
+def fake(monkeypatch, make_runtime):
+    """The made-up runtime, ready, in the place of pyopenxr."""
+    runtime = make_runtime()
     module = runtime.module()
     monkeypatch.setattr("vrbench_openxr.runtime.load", lambda: module)
     return runtime

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from importlib.metadata import version
 from types import TracebackType
 from typing import Any, Literal, Self
+from uuid import uuid4
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -47,6 +48,8 @@ class OpenXRHeadset:
         self._events: list[Event] = []
         self._taking = False
         self._epoch: int | None = None
+        # its session numbers epochs on, from take to take
+        self._world = uuid4().hex
         # of the recorder's clock over the system's, both steady
         self._ahead_ns = _difference(session)
         self._sampler = Sampler(
@@ -93,6 +96,7 @@ class OpenXRHeadset:
         return {
             "logger_version": version("vrbench-openxr"),
             "prediction": f"{1e3 * ahead:g} ms ahead, asked for" if ahead else "none",
+            "world": self._world,
         }
 
     def mark(self, name: str) -> None:

@@ -20,6 +20,7 @@ from vrbench.errors import DeviceError
 from vrbench.streams import Columns
 from vrbench_quest.adb import Adb, findings, state_of
 from vrbench_quest.receiver import Receiver
+from vrbench_quest.stand_in import stand_in
 from vrbench_quest.wire import TOKEN_BYTES
 
 ANSWER_S = 3.0
@@ -167,7 +168,8 @@ class QuestLogger:
         """What the app says of itself: see `vrbench.devices.ports.facts_of`."""
         told = {} if self._receiver is None else self._receiver.facts or {}
         names = {"app": "logger_version", "prediction": "prediction"}
-        return {name: str(told[key]) for key, name in names.items() if key in told}
+        facts = {name: str(told[key]) for key, name in names.items() if key in told}
+        return {**facts, "world": self.link.world}
 
     def mark(self, name: str) -> None:
         """Writes a mark into the take, and into the log on the headset."""
@@ -262,4 +264,5 @@ HEADSET = HeadsetSpec(
     open=QuestLogger,
     check=check,
     emulator="vrbench_quest.emulator",
+    stand_in=stand_in,
 )

@@ -17,6 +17,7 @@ from vrbench_webxr.address import address, show, told
 from vrbench_webxr.certificate import context
 from vrbench_webxr.options import Options
 from vrbench_webxr.server import Server, new_token
+from vrbench_webxr.stand_in import stand_in
 
 # How long a take waits for a headset that was there, and a take's end for its last frames.
 READY_S = 15.0
@@ -110,6 +111,7 @@ class WebXRHeadset:
         return {
             "logger_version": version("vrbench-webxr"),
             "prediction": "the browser's, to its display time",
+            "world": self.link.world,
         }
 
     def mark(self, name: str) -> None:
@@ -206,4 +208,5 @@ HEADSET = HeadsetSpec(
     open=WebXRHeadset,
     check=check,
     emulator="vrbench_webxr.emulator",
+    stand_in=stand_in,
 )

@@ -88,7 +88,7 @@ def test_rig_check_says_what_is_there_and_what_is_wrong(motive, tmp_path):
     rig.write_text(RIG.format(port=server.port, body="b, up: x"))
     ran = vrbench("rig", "check", str(rig))
     assert ran.returncode == 2
-    assert "mocap.options: up: found 'x'" in ran.stderr
+    assert "mocap.options.up: found 'x'" in ran.stderr
 
 
 @pytest.mark.parametrize(

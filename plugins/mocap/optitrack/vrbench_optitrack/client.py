@@ -22,6 +22,7 @@ from vrbench_optitrack.frames import decode_frame
 from vrbench_optitrack.listener import Listener
 from vrbench_optitrack.options import Options
 from vrbench_optitrack.rows import Row
+from vrbench_optitrack.stand_in import stand_in
 
 ANSWER_S, FRAMES_S, MODELS_S = 2.0, 3.0, 3.0
 SOURCES = ("mid-exposure", "data-received", "transmit", "arrival")
@@ -249,4 +250,5 @@ OPTITRACK = MocapSpec(
     options=Options,
     check=check,
     emulator="vrbench_optitrack.emulator",
+    stand_in=stand_in,
 )

@@ -9,6 +9,7 @@ well a client maps it.
 from __future__ import annotations
 
 import ipaddress
+import json
 import sys
 import time
 from pathlib import Path
@@ -161,7 +162,10 @@ def main(**given: Any) -> None:
         server.ride_on(given["stage"])
     try:
         server.open()
-        server.run(given["duration"])
+        server.run(
+            given["duration"],
+            lambda: print(json.dumps(server.describe()), flush=True),  # noqa: T201
+        )
     except KeyboardInterrupt:
         pass
     except OSError as error:

@@ -24,7 +24,9 @@ class Options(BaseModel):
         "auto", description="as Motive's streaming settings have it; auto asks Motive"
     )
     up: Up = Field("y", description="Up Axis of Motive's streaming settings")
-    command_port: int = Field(COMMAND_PORT, ge=1, le=65535)
+    command_port: int = Field(
+        COMMAND_PORT, ge=1, le=65535, description="UDP port of Motive's commands"
+    )
     data_port: int | None = Field(None, ge=1, le=65535, description="where Motive doesn't say it")
     group: str | None = Field(None, description="multicast address, where Motive doesn't say it")
     bitstream: str | None = Field(

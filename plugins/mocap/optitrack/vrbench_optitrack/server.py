@@ -6,13 +6,13 @@ It binds loopback addresses only, and multicast leaves with TTL 0.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import random
 import select
 import socket
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -212,13 +212,13 @@ class Server:
             },
         }
 
-    def run(self, duration_s: float | None) -> None:
-        """Streams and answers, for so long or until interrupted."""
+    def run(self, duration_s: float | None, begun: Callable[[], None]) -> None:
+        """Streams and answers, for so long or until interrupted; `begun` is called at the start."""
         rng = random.Random(self.seed)
         # the motion is computed before time begins to count
         self.scene.frame(0, self.version, Suffix(*[0] * 10), 0)
         self._first_ns = time.monotonic_ns()
-        print(json.dumps(self.describe()), flush=True)  # noqa: T201
+        begun()
         period = NS / self.scene.rate_hz
         index = 0
         while duration_s is None or index < duration_s * self.scene.rate_hz:

@@ -4,6 +4,7 @@ import asyncio
 import struct
 import threading
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from vrbench_qualisys.live import QUALISYS, OneWayClock, Options, Qualisys
 
 from vrbench.devices.ports import Session
 from vrbench.errors import DeviceError
-from vrbench.geometry import Transform, quat_to_matrix, relative_angle, rotvec_to_quat
+from vrbench.geometry import Axes, Transform, quat_to_matrix, relative_angle, rotvec_to_quat
+from vrbench.plugin.testing import MocapConformance
 from vrbench.streams import Samples
 
 ERROR, COMMAND, XML, DATA = 0, 1, 2, 3
@@ -33,9 +35,9 @@ def packet(kind, payload):
     return struct.pack("<II", 8 + len(payload), kind) + payload
 
 
-def frame(index, lost):
+def frame(index, lost, pose_at=head):
     stamp = index * PERIOD_S
-    pose = head(np.array([stamp]))
+    pose = pose_at(np.array([stamp]))
     body = b""
     for name in BODIES:
         if name == "headset" and lost:
@@ -52,8 +54,8 @@ def frame(index, lost):
 class Qtm:
     """A server in a thread; `mute` sends no frames, `lose` gives the frames in which it is lost."""
 
-    def __init__(self, *, mute=False, lose=lambda index: False):
-        self.mute, self.lose = mute, lose
+    def __init__(self, *, mute=False, lose=lambda index: False, head=head):
+        self.mute, self.lose, self.head = mute, lose, head
         self._loop = asyncio.new_event_loop()
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -115,13 +117,45 @@ class Qtm:
         while True:
             due = self.first_ns / 1e9 + index * PERIOD_S / SKEW + DELAY_S
             await asyncio.sleep(max(0.0, due - time.monotonic()))
-            writer.write(frame(index, self.lose(index)))
+            writer.write(frame(index, self.lose(index), self.head))
             index += 1
 
     def close(self):
         self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join(10)
         self._loop.close()
+
+
+class TestConformance(MocapConformance):
+    """What every plugin of motion capture passes."""
+
+    name = "qualisys"
+    rate_hz = 1 / PERIOD_S
+
+    @classmethod
+    @contextmanager
+    def stand_in(cls, rehearsal):
+        """The made-up QTM, z up, with a body that moves as it is rehearsed."""
+
+        def when(stamp):
+            return np.rint(qtm.first_rehearsed + stamp / SKEW * 1e9).astype(np.int64)
+
+        def head(stamps):
+            if qtm.first_rehearsed is None:
+                qtm.first_rehearsed = rehearsal.now()
+            return Axes("z", "y").from_openxr(rehearsal.pose(when(stamps)))
+
+        def lost(index):
+            if qtm.first_rehearsed is None:
+                return False
+            return not rehearsal.tracked(when(np.array([index * PERIOD_S])))[0]
+
+        qtm = Qtm(head=head, lose=lost)
+        qtm.first_rehearsed = None
+        try:
+            yield {"server": "127.0.0.1", "port": qtm.port, "body": "headset"}
+        finally:
+            qtm.close()
 
 
 @pytest.fixture

@@ -100,7 +100,9 @@ class Receiver:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends the connection and the thread."""
+        """Ends the connection and the thread; nothing where they ended before."""
+        if self._loop.is_closed():
+            return
         self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join()
         self._loop.close()

@@ -38,8 +38,8 @@ class Options(StartOptions):
         up: the axis that is up in QTM.
     """
 
-    body: str | None = Field(None, min_length=1)
-    up: Up = "z"
+    body: str | None = Field(None, min_length=1, description="the rigid body's name in QTM")
+    up: Up = Field("z", description="the axis that is up in QTM")
 
 
 def read(path: Path, options: Options) -> Imported:

@@ -1,6 +1,7 @@
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from vrbench_ur.checks import Breach
 from vrbench_ur.fraction import moveit_fraction
 from vrbench_ur.kinematics import flange
 from vrbench_ur.options import Limits, Options, Payload, Start, Workspace
+from vrbench_ur.picture import svg
 from vrbench_ur.plan_file import describe, read_path, write_plan
 from vrbench_ur.planner import PlanError, Planner
 from vrbench_ur.search import quiet
@@ -226,6 +228,21 @@ def test_a_plan_file_is_read_back_and_refused_when_changed(planner, plan, tmp_pa
     file.write_text(json.dumps(told), encoding="utf-8")
     with pytest.raises(DataError, match="was changed after it was made"):
         read_path(file, planner)
+
+
+def test_the_picture_shows_the_least_clearance_and_its_limit(plan):
+    """A dip of one sample among those that a point of the curve stands for is still drawn."""
+    least = np.full(9000, 0.050)
+    least[4321] = 0.021
+    examined = replace(
+        plan.examined, t=np.arange(9000) / 120, clearance=least, speed=np.zeros((9000, 6))
+    )
+    drawn = svg(replace(plan, examined=examined))
+    curves = re.findall(r'<polyline points="([^"]+)"', drawn)
+    level = np.array([[float(x) for x in at.split(",")] for at in curves[6].split()])[:, 1]
+    _, limit = (float(y) for y in re.findall(r'd="M[0-9.]+ ([0-9.]+)h[^>]+stroke="#c00"', drawn))
+    # from the frame's lower edge, where clearance is 0, both are as high as they are far
+    assert (470 - limit) / (470 - level.max()) == pytest.approx(20 / 21, abs=0.01)
 
 
 def test_a_plan_for_another_rig_or_robot_is_refused(planner, plan, tmp_path):

@@ -26,7 +26,7 @@ HERE = Path(__file__).parents[1]
 START = {"p_m": [0.5754, 0.0082, 0.8157], "yaw_deg": -85.53}
 RIG = {
     "lab": "example",
-    "headset": {"plugin": "sim", "device": "quest-2"},
+    "headset": {"plugin": "webxr", "device": "quest-2"},
     "robot": {"plugin": "ur5e", "options": {"host": "127.0.0.77", "start": START}},
 }
 
@@ -149,6 +149,14 @@ def test_a_run_on_a_real_arm_is_a_dry_run_that_says_the_hash(tmp_path, rig):
     assert "dry run" in done.stderr
     assert "--execute " in done.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_a_simulated_headset_on_a_real_arm_is_refused_before_anything_is_planned(rig):
+    rig.write_text(yaml.safe_dump({**RIG, "headset": {"plugin": "sim"}}), encoding="utf-8")
+    told = []
+    with pytest.raises(ConfigError, match="is simulated, and other devices of the rig are not"):
+        plan_suite(suite(), load_rig(str(rig)), str(rig), Plugins(), lambda *x: told.append(x))
+    assert told == []
 
 
 def test_execute_means_nothing_on_a_simulated_rig(tmp_path):

@@ -31,6 +31,7 @@ from vrbench.recording.take import read_take
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="control is for Linux")
 MOTION = nod(3.0)
+TICK_NS = 2_000_000
 # 100 ms in the emulator's own ticks.
 TICKS_100_MS = 50
 
@@ -142,11 +143,14 @@ def test_the_approach_is_slow_and_the_first_pass_too(emulator, session):
     with robot:
         for _ in robot.prepare(plan):
             pass
-        joints = robot.read().joints["robot/joints"]
-        approach = np.abs(joints.velocity[: len(joints) // 3]).max()
-        assert 0 < approach <= 1.05 * APPROACH_SPEED * UR5E.speed.min()
+        read = robot.read()
+        joints, state = read.joints["robot/joints"], read.states["robot/state"]
         servo = emulator.ticks("servo")
         assert len(servo) == 1
+        # by the controller's own time: on a busy machine the two parts last otherwise
+        before = state.device_t < servo[0] * TICK_NS
+        approach = np.abs(joints.velocity[before]).max()
+        assert 0 < approach <= 1.05 * APPROACH_SPEED * UR5E.speed.min()
         assert np.abs(joints.velocity).max() < 1.1 * max(0.5 * fastest, approach)
         # once is enough
         for _ in robot.prepare(plan):

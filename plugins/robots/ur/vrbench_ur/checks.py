@@ -64,6 +64,7 @@ class Examined:
         breaches: the first of each check, by time.
         worst: by check, the worst use of its limit: 1 is the limit itself.
         clearance: least distance of any pair (n,) [m].
+        keep_m: the clearance that must be kept [m].
         speed: share of the joint's full speed (n, 6).
         ok_until_s: time of the first breach, the path's duration where there is none [s].
     """
@@ -72,6 +73,7 @@ class Examined:
     breaches: tuple[Breach, ...]
     worst: Mapping[str, float]
     clearance: Floats
+    keep_m: float
     speed: Floats
     ok_until_s: float
     nearest: tuple[str, str] = ("", "")
@@ -149,6 +151,7 @@ def examine(path: JointPath, cell: Cell, options: Options, rate_hz: float) -> Ex
         breaches=tuple(found),
         worst=worst,
         clearance=clearance,
+        keep_m=keep,
         speed=np.abs(qd) / arm.speed,
         ok_until_s=found[0].time_s if found else path.duration_s,
         nearest=cell.pairs[pair[int(np.argmin(clearance))]],

@@ -85,9 +85,9 @@ class Options(_Strict):
 
     host: str = Field("127.0.0.1", min_length=1, max_length=253, description="address")
     tcp: Pose6 = Field((0, 0, 0, 0, 0, 0), description="of the TCP from the flange: m, rotvec rad")
-    payload: Payload = Payload()
-    workspace: Workspace = Workspace()
-    limits: Limits = Limits()
+    payload: Payload = Field(Payload(), description="what the flange carries")
+    workspace: Workspace = Field(Workspace(), description="what stands around the arm")
+    limits: Limits = Field(Limits(), description="how fast it may move")
     start: Start | None = Field(None, description="fixed start; searched for where it is absent")
     stretch: float = Field(1.0, ge=1.0, le=10.0, description="duration over the motion's own")
     calibration: Path | None = Field(None, description="the controller's calibration.conf")

@@ -20,13 +20,15 @@ def svg(plan: UrPlan) -> str:
     """The picture as text."""
     t, checks = plan.examined.t, plan.examined
     speed, least = 100.0 * checks.speed, 1e3 * checks.clearance
+    keep = 1e3 * checks.keep_m
+    most = max(float(np.percentile(least, 99)), 1.2 * keep)
     rows = [
         _text(LEFT, 24, f"{plan.arm}, plan {plan.hash[:12]}: {plan.path.duration_s:.1f} s", 16),
         *_panel(
             60, 220, t, [speed[:, j] for j in range(6)], "joint speed, % of full", 100.0, 100.0
         ),
         *(_text(LEFT + 10 + 120 * j, 56, name, 12, COLOURS[j]) for j, name in enumerate(JOINTS)),
-        *_panel(330, 140, t, [least], "clearance, mm", float(np.percentile(least, 99)), None),
+        *_panel(330, 140, t, [least], "clearance, mm", most, keep, np.minimum),
         *_views(plan, 540, 300),
     ]
     return (
@@ -40,13 +42,13 @@ def _text(x: float, y: float, text: str, size: int = 12, fill: str = "#222") -> 
     return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" fill="{fill}">{escape(text)}</text>'
 
 
-def _thinned(t: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """At most POINTS of a curve; each keeps the largest value of those it stands for."""
+def _thinned(t: Floats, y: Floats, worst: np.ufunc) -> tuple[Floats, Floats]:
+    """At most POINTS of a curve; each keeps the worst value of those it stands for."""
     if len(t) <= POINTS:
         return t, y
     edges = np.linspace(0, len(t), POINTS + 1).astype(np.int64)[:-1]
-    largest: Floats = np.maximum.reduceat(y, edges)
-    return t[edges], largest
+    kept: Floats = worst.reduceat(y, edges)
+    return t[edges], kept
 
 
 def _line(x: Floats, y: Floats, colour: str) -> str:
@@ -61,9 +63,10 @@ def _panel(
     curves: Sequence[Floats],
     label: str,
     most: float,
-    limit: float | None,
+    limit: float,
+    worst: np.ufunc = np.maximum,
 ) -> list[str]:
-    """Curves over time in a frame, with a line at the limit."""
+    """Curves over time in a frame, with a line at the limit; `worst` is what draws near to it."""
     most = max(most, 1e-6)
     inner = WIDTH - LEFT - RIGHT
     rows = [
@@ -74,12 +77,11 @@ def _panel(
         rows.append(_text(LEFT - 45, top + height * (1 - part) + 4, f"{part * most:.0f}"))
         rows.append(_text(LEFT + inner * part - 8, top + height + 16, f"{part * t[-1]:.0f}"))
     for j, curve in enumerate(curves):
-        x, y = _thinned(t, curve)
+        x, y = _thinned(t, curve, worst)
         level = top + height * (1 - np.clip(y / most, 0, 1))
         rows.append(_line(LEFT + inner * x / t[-1], level, COLOURS[j % len(COLOURS)]))
-    if limit is not None:
-        y0 = top + height * (1 - limit / most)
-        rows.append(f'<path d="M{LEFT} {y0:.1f}h{inner}" stroke="#c00" stroke-dasharray="4"/>')
+    y0 = top + height * (1 - limit / most)
+    rows.append(f'<path d="M{LEFT} {y0:.1f}h{inner}" stroke="#c00" stroke-dasharray="4"/>')
     return rows
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 from vrbench.devices.ports import Finding, MotionPlanner, Robot, RobotSpec, Session
+from vrbench.devices.rehearsal import Rehearsal
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench_ur.arms import ARMS, UR5E, Arm
@@ -46,6 +48,15 @@ def _check(arm: Arm, options: Options, _session: Session) -> Iterator[Finding]:
     return findings(arm, options)
 
 
+@contextmanager
+def _stand_in(_rehearsal: Rehearsal) -> Iterator[Mapping[str, Any]]:
+    """The emulated UR5e, which moves as it is told to."""
+    from vrbench_ur.testing import Emulator, options
+
+    with Emulator() as emulator:
+        yield options(emulator.host).model_dump(mode="json")
+
+
 ROBOTS = [
     RobotSpec(
         name=arm.name,
@@ -55,6 +66,7 @@ ROBOTS = [
         options=Options,
         check=partial(_check, arm),
         emulator=f"vrbench_ur.emulator{'' if arm is UR5E else '.' + arm.name}",
+        stand_in=_stand_in if arm is UR5E else None,
         planner=partial(_planner, arm),
         real=True,
     )
