@@ -25,6 +25,7 @@ ORDER = (
     *(
         "opening",
         "permission",
+        "rehearsal",
         "calibration_motion",
         "forecast",
         "resuming",

@@ -361,7 +361,8 @@ def test_a_run_that_the_disk_has_no_room_for_is_refused_before_it_begins(
 ):
     free = shutil.disk_usage(tmp_path)._replace(free=35_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: free)
-    with pytest.raises(ConfigError, match=r"will take about \d+ MB, and 35 MB are free"):
+    says = r"will take about \d+ MB and leaves 32 MB alone, and 35 MB are free"
+    with pytest.raises(ConfigError, match=says):
         run(short_suite, tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -457,6 +458,10 @@ def test_the_command_line_names_the_run_and_how_to_go_on(tmp_path, short_suite_p
     assert isinstance(failed.exception, DeviceError)
     assert f"run: {tmp_path / 'run'} (failed; --resume goes on with it)" in failed.output
     monkeypatch.undo()
+    with locked(tmp_path / "run"):  # somebody is going on with it
+        second = CliRunner().invoke(cli, [*given, "--resume"])
+    assert isinstance(second.exception, ConfigError)
+    assert "goes on with it" not in second.output
     again = CliRunner().invoke(cli, given)
     assert "is there already" in str(again.exception)
     went_on = CliRunner().invoke(cli, [*given, "--resume"], catch_exceptions=False)

@@ -57,7 +57,8 @@ def check_room(folder: Path, needed: int) -> None:
     free = shutil.disk_usage(place).free
     if free < needed + LEAST_FREE:
         raise ConfigError(
-            f"the run will take about {_size(needed)}, and {_size(free)} are free",
+            f"the run will take about {_size(needed)} and leaves {_size(LEAST_FREE)} alone, "
+            f"and {_size(free)} are free",
             file=folder,
             field="-o",
             fix="make room, or name a folder on another disk",

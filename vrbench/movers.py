@@ -181,7 +181,7 @@ def robots_references(suite: Suite, rig: Rig, rig_name: str) -> list[str]:
     if not references:
         raise ConfigError(
             f"suite {suite.label} is scored against {' or '.join(suite.references)}, "
-            "the rig has neither",
+            "the rig has none of that",
             file=rig_name,
             field="mocap",
         )

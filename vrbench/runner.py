@@ -28,6 +28,7 @@ from vrbench.permission import Permission
 from vrbench.plugin.manager import Plugins
 from vrbench.plugin.report import newest
 from vrbench.recording.guard import DiskFullError
+from vrbench.rehearsal import rehearse
 from vrbench.results.bundle import (
     Bundle,
     DeviceRecord,
@@ -90,9 +91,10 @@ def record_suite(
             since.
 
     Raises:
-        ConfigError: the rig lacks what the suite needs, an option is wrong, the folder exists, is
-            in use, has too little room or holds another run, the calibration can't be reused, or a
-            real person's motion has no licence or consent.
+        ConfigError: the suite does what its takes are too short for, the rig lacks what the suite
+            needs, an option is wrong, the folder exists, is in use, has too little room or holds
+            another run, the calibration can't be reused, or a real person's motion has no licence
+            or consent.
         DeviceError: a device failed or was lost. The bundle stays, marked failed, with what was
             recorded.
         DiskFullError: the disk is full; the bundle stays, marked incomplete.
@@ -101,6 +103,7 @@ def record_suite(
     if resume and seed is None:
         seed = Bundle.begun(folder).record.seed
     seed = SEED if seed is None else seed
+    rehearse(suite, suite.label)
     record = _record(suite, rig, rig_name, plugins, seed, permission, licence, consent)
     if suite.mover == "person":
         rig = rig.model_copy(update={"robot": None})

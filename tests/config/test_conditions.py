@@ -176,6 +176,10 @@ def test_conditions_that_are_no_use_are_refused(load, change, says):
             "both loops and duration: give|both loops and dur",
         ),
         (("opening: saturate-30s-1", "other: saturate-30s-1"), "clocks .*motions an opening"),
+        (
+            ("opening: saturate-30s-1", "opening: shooter-1"),
+            "opens with the motion that",
+        ),
         (("loops: 3, ", ""), "excludes opening, which its takes don't have"),
         (("exclude: [opening, gap]", "exclude: [pause]"), r"exclude\.0: found 'pause'"),
         (("hold: 2 s, exclude: [opening, gap]", "exclude: [hold]"), "excludes hold"),

@@ -171,3 +171,27 @@ def test_poses_in_a_room_are_told(tmp_path):
     path.write_text("\n".join([*head, *rows]) + "\n")
     with pytest.raises(DataError, match=r"isn't the identity: 1\.68 m .*not in a room or world"):
         read_motion(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda rows: rows[:1000] + rows[1500:], r"has no rows for 4\.17 s after 8\.\d+ s"),
+        (
+            lambda rows: rows[:1000] + [moved(row, 0.3) for row in rows[1000:]],
+            r"leaps at \d\d\.?\d* m/s after 8\.325 s",
+        ),
+    ],
+)
+def test_holes_and_leaps_are_told(tmp_path, change, says):
+    path = scaled(tmp_path / "odd.tum")
+    lines = path.read_text().splitlines()
+    head = [line for line in lines if line.startswith("#")]
+    path.write_text("\n".join(head + change(lines[len(head) :])) + "\n")
+    with pytest.raises(DataError, match=says):
+        read_motion(path)
+
+
+def moved(row: str, metres: float) -> str:
+    t, x, *rest = row.split()
+    return " ".join((t, str(float(x) + metres), *rest))

@@ -136,8 +136,14 @@ def record(asked: Asked) -> Bundle:
 def _show_what_is_there(folder: Path) -> None:
     """Where a run that didn't end well is, and how to go on with it."""
     from vrbench.results.bundle import RECORD, Bundle
+    from vrbench.results.lock import locked
 
     if (folder / RECORD).is_file():
+        try:
+            with locked(folder):
+                pass
+        except ConfigError:  # another process records into it
+            return
         record = Bundle.begun(folder).record
         if record.status != "complete":
             click.echo(f"run: {folder} ({record.status}; --resume goes on with it)", err=True)

@@ -124,6 +124,11 @@ class Suite(_Strict):
                     f"case {case.id} repeats its motion within a take, so clocks would be found a "
                     "whole loop off: give motions an opening, a motion that is run once before"
                 )
+            if case.looped and self.motions[OPENING] == self.motions[case.motion]:
+                raise ValueError(
+                    f"case {case.id} opens with the motion that it repeats, so clocks would be "
+                    "found a whole loop off: give motions another opening"
+                )
         return self
 
     @property

@@ -40,7 +40,9 @@ RATE_TOLERANCE = 0.02
 START_TOLERANCE = 1e-6
 # A seated player moves within 0.6 m at 0.9 m/s, one who walks a room within some metres.
 LARGEST_BOX_M, LARGEST_SPEED_M_S = 20.0, 10.0
-HEAD_BOX_M = 3.0
+HEAD_BOX_M = (0.1, 3.0)
+# A robot would go through a hole in a straight line, which is no part of the motion.
+LONGEST_HOLE_S = 0.1
 
 
 class Header(BaseModel):
@@ -97,7 +99,7 @@ def read_motion(path: Path) -> Motion:
         ConfigError: a field of the header is missing, unknown or wrong; a person's motion has no
             licence or consent.
         DataError: no such file, and as `vrbench.trajectory.read_tum`; the rows don't begin at 0
-            with the identity, or haven't the rate that the header says.
+            with the identity, haven't the rate that the header says, or have holes or leaps.
     """
     header = read_header(path)
     rows = read_tum(path)
@@ -114,6 +116,7 @@ def read_motion(path: Path) -> Motion:
             fix=f"its stamps look like {unit}; they are in s" if unit else None,
         )
     _check_size(rows, path)
+    _check_steps(rows, path)
     if header.up == "z":
         rows = rows.mapped(_y_up)
     title = ", ".join(x for x in (header.motion, header.game, header.posture) if x)
@@ -151,11 +154,30 @@ def _check_size(rows: Trajectory, path: Path) -> None:
     box = float(np.max(rows.pose.p.max(axis=0) - rows.pose.p.min(axis=0)))
     fast = float(np.percentile(rows.speed(), 99))
     if box > LARGEST_BOX_M or fast > LARGEST_SPEED_M_S:
-        guess = next((u for f, u in ((100.0, "cm"), (1e3, "mm")) if box / f <= HEAD_BOX_M), None)
+        low, high = HEAD_BOX_M
+        guess = " or ".join(u for f, u in ((1e2, "cm"), (1e3, "mm")) if low <= box / f <= high)
         raise DataError(
             f"it moves within {box:.3g} m, at up to {fast:.3g} m/s: that is no head's motion",
             file=path,
             fix="positions are in m" + (f"; these look like {guess}" if guess else ""),
+        )
+
+
+def _check_steps(rows: Trajectory, path: Path) -> None:
+    """Rows follow each other without holes and leaps."""
+    hole, leap = np.diff(rows.t) / NS, rows.speed()
+    wide, far = int(np.argmax(hole)), int(np.argmax(leap))
+    if hole[wide] > max(LONGEST_HOLE_S, 2.0 * rows.period_s):
+        raise DataError(
+            f"has no rows for {hole[wide]:.3g} s after {rows.t[wide] / NS:.3f} s",
+            file=path,
+            fix="choose a part without holes: `vrbench motion extract` does",
+        )
+    if leap[far] > LARGEST_SPEED_M_S:
+        raise DataError(
+            f"leaps at {leap[far]:.3g} m/s after {rows.t[far] / NS:.3f} s",
+            file=path,
+            fix="choose a part in which tracking holds, without recentring",
         )
 
 
