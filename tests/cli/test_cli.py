@@ -132,7 +132,7 @@ def test_options_of_devices_are_checked(tmp_path: Path, option: str) -> None:
     refused(
         vrbench("run", "calibration", "--rig", "lab.yaml", cwd=tmp_path),
         2,
-        "lab.yaml: robot.options: " + option.split(":")[0],
+        "lab.yaml:3:32: robot.options." + option.split(":")[0],
     )
 
 
