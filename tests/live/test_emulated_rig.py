@@ -63,7 +63,8 @@ def test_its_numbers_are_the_errors_that_the_emulated_headset_has(whole):
     for reference in ("robot", "mocap"):
         # it wanders by 1.2 mm rms an axis, and by 0.09 deg
         assert 0.3 < found[reference, "ape.translation.aligned"] < 6.0
-        assert found[reference, "ape.rotation.aligned"] < 0.6
+        # `aligned` turns the world by positions alone, which tell little in so short a motion
+        assert 0.05 < found[reference, "ape.rotation.anchored"] < 0.5
 
 
 def test_what_calibration_finds_is_how_the_headset_is_fixed(whole):

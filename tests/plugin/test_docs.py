@@ -51,7 +51,7 @@ def test_the_api_s_version_and_all_kinds_stand_there():
 
 
 def test_the_five_commands_are_those_that_plugin_new_prints():
-    block = re.search(r"```console\n(.*?)```", TEXT, re.DOTALL)[1]
+    block = re.search(r"```console setup\n(.*?)```", TEXT, re.DOTALL)[1]
     written = [line.removeprefix("$ ") for line in block.strip().splitlines()]
     printed = steps(Path("vrbench-pico4"), "pico4")
     assert written[0] == "vrbench plugin new headset pico4"

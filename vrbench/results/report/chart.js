@@ -342,7 +342,12 @@ class Chart {
       if (begun === null) return;
       const ends = [begun, place(event)].sort((a, b) => a - b);
       begun = null;
-      if (ends[1] - ends[0] > 8) this.zoom = ends.map(this.x.back);
+      // a click draws nothing anew: what was clicked must be there still for the second one
+      if (ends[1] - ends[0] <= 8) {
+        this.brush.setAttribute("width", 0);
+        return;
+      }
+      this.zoom = ends.map(this.x.back);
       this.draw();
     });
     this.svg.addEventListener("dblclick", () => this.whole());
