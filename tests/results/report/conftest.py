@@ -61,7 +61,8 @@ def report(runs) -> Path:
     return runs[-1] / "report.html"
 
 
-@pytest.fixture(scope="session")
+# A process has one Playwright at a time, and other tests have one too.
+@pytest.fixture(scope="module")
 def browser():
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="playwright is not here: pip install playwright"

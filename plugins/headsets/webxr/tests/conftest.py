@@ -139,7 +139,8 @@ def relayed():
         relay.close()
 
 
-@pytest.fixture(scope="session")
+# A process has one Playwright at a time, and other tests have one too.
+@pytest.fixture(scope="module")
 def browser():
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="playwright is not here: pip install playwright"
