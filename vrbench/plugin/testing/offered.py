@@ -9,7 +9,12 @@ from pydantic import BaseModel, ValidationError
 
 from vrbench.plugin.manager import BUILTIN
 from vrbench.plugin.testing.child import check_registration
-from vrbench.plugin.testing.verdicts import Conformance, NonconformityError, require
+from vrbench.plugin.testing.verdicts import (
+    Conformance,
+    NonconformityError,
+    NotCheckedError,
+    require,
+)
 
 NAME = re.compile(r"[a-z0-9]+([-_][a-z0-9]+)*")
 UNKNOWN = "no_such_option"
@@ -60,6 +65,21 @@ class WithOptions(Offered):
             f"options without a description: {', '.join(bare)}",
             'Write Field(..., description="what it is [unit]").',
         )
+
+
+class WithStandIn(WithOptions):
+    """What a kind is held to whose devices a stand-in can play."""
+
+    @classmethod
+    def stand_in(cls, rehearsal: Any) -> Any:
+        """The stand-in of the device spec."""
+        stand_in = cls.thing().stand_in
+        if stand_in is None:
+            raise NotCheckedError(
+                f"{cls.name} has no stand-in",
+                "write one: stand_in=... in the spec, see docs/plugins.md",
+            )
+        return stand_in(rehearsal)
 
 
 def check_options(model: Any) -> None:

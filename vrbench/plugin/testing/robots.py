@@ -15,7 +15,7 @@ from vrbench.devices.rehearsal import Rehearsal
 from vrbench.errors import VrbenchError
 from vrbench.geometry import Floats, Transform, relative_angle, rotvec_to_quat
 from vrbench.plugin.testing.child import check_without_device
-from vrbench.plugin.testing.offered import WithOptions
+from vrbench.plugin.testing.offered import WithStandIn
 from vrbench.plugin.testing.opening import median_rate, opened, session
 from vrbench.plugin.testing.verdicts import NonconformityError, NotCheckedError, require
 from vrbench.streams import Columns, Samples
@@ -62,22 +62,11 @@ class Moved:
     closed_again: Exception | None
 
 
-class RobotConformance(WithOptions):
+class RobotConformance(WithStandIn):
     """What a robot is held to; its stand-in is a controller that moves nothing real."""
 
     kind = "robot"
     motion: ClassVar[Trajectory] = nod()
-
-    @classmethod
-    def stand_in(cls, rehearsal: Rehearsal) -> Any:
-        """The stand-in of the device spec."""
-        stand_in = cls.thing().stand_in
-        if stand_in is None:
-            raise NotCheckedError(
-                f"{cls.name} has no stand-in",
-                "write one: stand_in=... in the spec, see docs/plugins.md",
-            )
-        return stand_in(rehearsal)
 
     @classmethod
     def moved(cls) -> Moved:

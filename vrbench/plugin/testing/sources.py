@@ -11,7 +11,7 @@ from vrbench.devices.ports import HeadsetProfile
 from vrbench.devices.rehearsal import LOST_EVERY_S, LOST_FROM_S, LOST_UNTIL_S, RECENTRE_EVERY_S
 from vrbench.geometry import Bools, Floats
 from vrbench.plugin.testing.child import check_without_device
-from vrbench.plugin.testing.offered import WithOptions
+from vrbench.plugin.testing.offered import WithStandIn
 from vrbench.plugin.testing.opening import Recorded, median_rate, record
 from vrbench.plugin.testing.twist import Match, diagnosis, match
 from vrbench.plugin.testing.verdicts import NotCheckedError, require
@@ -26,7 +26,7 @@ CLOCKS = ("utc", "monotonic", "device")
 FUTURE_NS = 200_000_000
 
 
-class SourceConformance(WithOptions):
+class SourceConformance(WithStandIn):
     """What headsets and motion capture have in common.
 
     A stand-in plays known movements by the vendor's protocol: `spec.stand_in`, or a method
@@ -39,17 +39,6 @@ class SourceConformance(WithOptions):
 
     stream: ClassVar[str]
     rate_hz: ClassVar[float | None] = None
-
-    @classmethod
-    def stand_in(cls, rehearsal: Any) -> Any:
-        """The stand-in of the device spec."""
-        stand_in = cls.thing().stand_in
-        if stand_in is None:
-            raise NotCheckedError(
-                f"{cls.name} has no stand-in",
-                "write one: stand_in=... in the spec, see docs/plugins.md",
-            )
-        return stand_in(rehearsal)
 
     @classmethod
     def recorded(cls) -> Recorded:
@@ -206,7 +195,7 @@ class SourceConformance(WithOptions):
         )
 
 
-class HeadsetModelConformance(WithOptions):
+class HeadsetModelConformance(WithStandIn):
     """What a headset model is held to, that is known by its profile alone."""
 
     kind = "headset"

@@ -11,9 +11,9 @@ import sys
 import time
 
 import numpy as np
+from vrbench_optitrack.behaviour import ServerClock
 from vrbench_optitrack.client import OptiTrack
 from vrbench_optitrack.options import Options
-from vrbench_optitrack.server import ServerClock
 
 from vrbench.devices.ports import Session
 from vrbench.geometry import Transform

@@ -7,8 +7,8 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from vrbench_optitrack.behaviour import ServerClock
 from vrbench_optitrack.options import Options
-from vrbench_optitrack.server import ServerClock
 
 from vrbench.devices.ports import Session
 from vrbench.geometry import Transform

@@ -18,8 +18,9 @@ from typing import Any
 import click
 
 from vrbench.motion.generators import GENERATORS
+from vrbench_optitrack.behaviour import Faults, ServerClock
 from vrbench_optitrack.scene import Scene
-from vrbench_optitrack.server import Faults, Server, ServerClock, parse_version
+from vrbench_optitrack.server import Server, parse_version
 from vrbench_optitrack.wire import COMMAND_PORT, DATA_PORT, GROUP, NEWEST, OLDEST, Version
 
 PORT = click.IntRange(0, 65535)

@@ -13,8 +13,9 @@ import numpy as np
 from vrbench.devices.rehearsal import LOST_EVERY_S, LOST_FROM_S, LOST_UNTIL_S, Rehearsal
 from vrbench.geometry import Floats, Transform
 from vrbench.trajectory import NS
+from vrbench_optitrack.behaviour import Faults, ServerClock
 from vrbench_optitrack.scene import Scene
-from vrbench_optitrack.server import Faults, Server, ServerClock
+from vrbench_optitrack.server import Server
 
 VERSION = (4, 1)
 
