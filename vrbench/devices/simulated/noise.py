@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from zlib import crc32
 
 import numpy as np
 
 from vrbench.geometry import Bools, Floats
 
-TONES = 96
+# Between instants this far apart noise is straight: what is quicker than 10 Hz is left out.
+STEP_S = 0.05
+# Noise is made in chunks this long, each from draws of its own, and of the one before it.
+CHUNK_S = 60.0
+# After so many time constants nothing is left of what was.
+FORGOTTEN = 12.0
 
 
 def rng_of(seed: int, *names: str) -> np.random.Generator:
@@ -22,25 +28,45 @@ def correlated(
 ) -> Callable[[Floats], Floats]:
     """Gaussian noise with correlation exp(-|dt| / time constant), as a function of time.
 
-    A sum of random tones drawn from the process's own (Lorentzian) spectrum, cut at 10 Hz
-    (Shinozuka and Deodatis, 1991). The rms is that of an ensemble; a short stretch of slow noise
-    has less about its own mean.
+    An autoregressive process (of Ornstein and Uhlenbeck), straight between its steps. The rms is
+    that of an ensemble; a short stretch of slow noise has less about its own mean.
 
     Returns:
         from times (n,) [s] to values (n, channels).
     """
-    corner = 1.0 / (2.0 * np.pi * time_constant_s)
-    # One tone in each of equally likely bands of the spectrum, so that none is left out.
-    chance = (np.arange(TONES)[:, None] + rng.uniform(size=(TONES, channels))) / TONES
-    frequency = corner * np.tan(0.5 * np.pi * chance * (2.0 / np.pi) * np.arctan(10.0 / corner))
-    phase = rng.uniform(0.0, 2.0 * np.pi, (TONES, channels))
-    scale = rms * np.sqrt(2.0 / TONES)
+    step_s = min(STEP_S, time_constant_s / 4.0)
+    size = round(max(CHUNK_S, FORGOTTEN * time_constant_s) / step_s)
+    stays = float(np.exp(-step_s / time_constant_s))
+    # half way between two steps it varies by less
+    scale = rms * np.sqrt(3.0 / (2.0 + stays))
+    fading = scale * np.sqrt(1.0 - stays * stays) * stays ** np.arange(size)
+    key = int(rng.integers(2**63))
+
+    @cache
+    def chunk(number: int) -> Floats:
+        """The process at the steps of a chunk (size, channels)."""
+        # numbers of chunks may be negative, seeds not
+        news = np.concatenate(
+            [
+                np.random.default_rng([key, k % 2**63]).normal(size=(size, channels))
+                for k in (number - 1, number)
+            ]
+        )
+        # each step is the sum of `size` draws, the older the fainter
+        spectrum = np.fft.rfft(news, axis=0) * np.fft.rfft(fading, 2 * size)[:, None]
+        return np.fft.irfft(spectrum, 2 * size, axis=0)[size:]
 
     def at(t: Floats) -> Floats:
-        value = np.zeros((len(t), channels))
-        for f, shift in zip(frequency, phase, strict=True):
-            value += np.cos(2.0 * np.pi * f * t[:, None] + shift)
-        return scale * value
+        if not len(t):
+            return np.zeros((0, channels))
+        first = int(np.floor(np.min(t) / step_s)) // size
+        last = (int(np.floor(np.max(t) / step_s)) + 1) // size
+        made = np.concatenate([chunk(number) for number in range(first, last + 1)])
+        place = t / step_s - first * size
+        left = np.floor(place).astype(np.int64)
+        share = (place - left)[:, None]
+        value: Floats = made[left] * (1.0 - share) + made[left + 1] * share
+        return value
 
     return at
 
