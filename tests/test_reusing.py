@@ -11,7 +11,8 @@ from vrbench.config.rig import load_rig
 from vrbench.config.suite import load_suite
 from vrbench.errors import ConfigError
 from vrbench.plugin.manager import Plugins
-from vrbench.results.bundle import Bundle, file_digest
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
 from vrbench.reusing import reused
 from vrbench.runner import record_suite
 

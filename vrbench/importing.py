@@ -19,14 +19,13 @@ from vrbench.protocols.synchrony import other_epochs
 from vrbench.recording import datasets
 from vrbench.recording.importer import Imported
 from vrbench.recording.take import TakeWriter
-from vrbench.results.bundle import (
+from vrbench.results.bundle import Bundle, default_folder
+from vrbench.results.files import file_digest
+from vrbench.results.record import (
     AccuracyRecord,
-    Bundle,
     DeviceRecord,
     RunRecord,
     TakeRecord,
-    default_folder,
-    file_digest,
     utc_now,
     versions,
 )

@@ -29,15 +29,9 @@ from vrbench.plugin.manager import Plugins
 from vrbench.plugin.report import newest
 from vrbench.recording.guard import DiskFullError
 from vrbench.rehearsal import rehearse
-from vrbench.results.bundle import (
-    Bundle,
-    DeviceRecord,
-    RunRecord,
-    require_new,
-    utc_now,
-    versions,
-)
+from vrbench.results.bundle import Bundle, require_new
 from vrbench.results.lock import locked
+from vrbench.results.record import DeviceRecord, RunRecord, utc_now, versions
 from vrbench.resuming import ended, left, resumed
 from vrbench.reusing import reused
 from vrbench.steps import Watcher, record_step, skip_step

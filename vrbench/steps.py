@@ -11,7 +11,9 @@ from vrbench.movers import Mover
 from vrbench.opening import Devices
 from vrbench.recording.monitor import Progress
 from vrbench.recording.recorder import MOVER, TakeFailedError, record_take
-from vrbench.results.bundle import Bundle, DeviceRecord, TakeRecord, file_digest
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
+from vrbench.results.record import DeviceRecord, TakeRecord
 
 
 class Watcher(Protocol):
