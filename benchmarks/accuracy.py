@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 import vrbench
-from vrbench.clocks import ClockMap
+from vrbench.clocks import ClockMap, Skew
 from vrbench.devices.ports import HeadsetProfile, Session, Tracking
 from vrbench.devices.simulated.headset import Options, SimulatedHeadset
 from vrbench.devices.simulated.robot import START_EYE, SimulatedRobot
@@ -167,7 +167,7 @@ def outcome(seed: int, white: bool) -> Outcome:
     found = intervals([models], [covariance], [("s", "m")], np.random.default_rng(seed))
     scales = scale_intervals(scored, covariance).values()
     ends = np.array([[found[*key, "rmse"].low, found[*key, "rmse"].high] for key in KEYS])
-    ideal = prepare(replay, "robot", truth)
+    ideal = prepare(replay, "robot", truth, skew=Skew(SKEW_PPM * 1e-6, 0.0))
     pairs = pairs_of(ideal, RELATIVE_S)
     exact = dict([*error_vectors(ideal), *relative_vectors(ideal, pairs, RELATIVE_S)])
     error = difference(x, truth)

@@ -15,7 +15,13 @@ from vrbench.estimation.handeye import solve_world
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.model import PARAMETERS, Model, State
 from vrbench.estimation.noise import Noise
-from vrbench.estimation.normal import binned, drift_hats, general_equations, normal_equations
+from vrbench.estimation.normal import (
+    binned,
+    drift_hats,
+    following,
+    general_equations,
+    normal_equations,
+)
 from vrbench.geometry import (
     Bools,
     Floats,
@@ -222,12 +228,17 @@ def _generalised(model: Model, state: State, prior: _Prior) -> tuple[State, Floa
     what the motion leaves open would count as noise, and leave more open.
     """
     names = model.names
+    # errors that follow the motion are no noise: nothing is random about them
+    like_place, like_turn = following(model, state)
     root: Floats = np.zeros((len(names), len(names)))
     rounding = ROUNDING * _largest_steps(names)
     for turn in range(MAX_ITERATIONS):
         translation, rotation = binned(model, state)
         if turn < NOISE_TURNS:
-            noises = (translation.noise(root), rotation.noise(root))
+            noises = (
+                translation.freed(like_place).noise(root),
+                rotation.freed(like_turn).noise(root),
+            )
             hats = drift_hats(len(rotation.known), DRIFT_S) if "x.rx" in names else None
         normal, covariance = general_equations(
             translation, rotation, noises, names, hats, *prior.terms(names, state)

@@ -118,6 +118,24 @@ class Model:
             np.concatenate([terms.rotation for terms in parts]),
         )
 
+    def following(self, state: State) -> tuple[Floats, Floats]:
+        """What errors that follow the motion are like, for factors of any size.
+
+        Returns:
+            (n, 3, 2) of translation: the way from the mean position [m], as a wrong scale errs, and
+            the acceleration [m/s^2], as a prediction errs that knows none; (n, 3, 1) of rotation:
+            the angular acceleration [rad/s^2]. NaN off the reference.
+        """
+        parts = [self._terms(state, part) for part in self.chunks()]
+        way = np.concatenate([terms.unscaled for terms in parts])
+        velocity = np.concatenate([terms.velocity for terms in parts])
+        turning = np.concatenate([terms.angular_velocity for terms in parts])
+        turning = turning @ quat_to_matrix(state.x.q)
+        return (
+            np.stack((way, np.gradient(velocity, self.since_middle, axis=0)), axis=2),
+            np.gradient(turning, self.since_middle, axis=0)[:, :, None],
+        )
+
     def linearised(self, state: State, part: slice) -> tuple[Floats, Floats, Floats, Floats]:
         """Residuals (m, 3), (m, 3) of a part and their derivatives (m, 3, k), (m, 3, k)."""
         terms = self._terms(state, part)

@@ -85,7 +85,8 @@ def estimate_noise(residual: Floats, known: Bools, spread: Floats) -> Noise:
         spread: derivatives of the residual by the parameters, times a root of the parameters'
             covariance (b, 3, k).
     """
-    most = int(min(MEMORY, known.sum() // ROWS_A_LAG))
+    # residuals of nought, as of a stream against itself, have no correlation
+    most = int(min(MEMORY, known.sum() // ROWS_A_LAG)) if residual.any() else 0
     rows = with_past(known, most)
     if len(rows) < ROWS_A_LAG * (most + 1) // 2:
         most, rows = 0, np.flatnonzero(known)

@@ -11,7 +11,7 @@ from vrbench.errors import EstimationError
 from vrbench.estimation.model import Model, State
 from vrbench.estimation.noise import BIN_S, LEAST_WEIGHT, Noise, estimate_noise
 from vrbench.estimation.robust import bisquare, scale_of
-from vrbench.geometry import Bools, Floats
+from vrbench.geometry import Bools, Floats, Ints
 
 # Functions of time as a sparse matrix of scipy's.
 Hats = Any
@@ -54,6 +54,14 @@ class Binned:
         """The same after a small step (k,) in the parameters."""
         return Binned(self.residual + self.derivative @ step, self.derivative, self.known)
 
+    def freed(self, following: Floats) -> Binned:
+        """The same with residuals freed of what columns (b, 3, m) explain of them."""
+        columns, residual = following[self.known], self.residual[self.known]
+        inner = np.einsum("bcm,bcl->ml", columns, columns)
+        share = np.linalg.pinv(inner, hermitian=True) @ np.einsum("bcm,bc->m", columns, residual)
+        left = np.where(self.known[:, None], self.residual - following @ share, 0.0)
+        return Binned(left, self.derivative, self.known)
+
     def noise(self, root: Floats) -> Noise:
         """The noise in it, given a root (k, k) of the parameters' covariance."""
         return estimate_noise(self.residual, self.known, self.derivative @ root)
@@ -83,7 +91,7 @@ def normal_equations(model: Model, state: State, information: Floats, pull: Floa
 def binned(model: Model, state: State) -> tuple[Binned, Binned]:
     """Translation and rotation at a state, in bins."""
     weights = [_weights(residual) for residual in model.residuals(state)]
-    bins = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
+    bins = _bins(model)
     count, k = int(bins[-1]) + 1, len(model.names)
     sums = [np.zeros((count, 1 + 3 + 3 * k)) for _ in weights]
     for part in model.chunks():
@@ -101,6 +109,28 @@ def binned(model: Model, state: State) -> tuple[Binned, Binned]:
         mean = np.where(known[:, None], total / np.where(known, weight, 1.0)[:, None], 0.0)
         found.append(Binned(mean[:, 1:4], mean[:, 4:].reshape(-1, 3, k), known))
     return found[0], found[1]
+
+
+def following(model: Model, state: State) -> tuple[Floats, Floats]:
+    """What errors that follow the motion are like, (b, 3, 2) of translation, (b, 3, 1) of rotation:
+    the means in bins of `Model.following`.
+    """
+    bins = _bins(model)
+    starts = np.flatnonzero(np.diff(bins, prepend=-1))
+    found = []
+    for columns in model.following(state):
+        mean = np.zeros((int(bins[-1]) + 1, *columns.shape[1:]))
+        held = np.where(np.isfinite(columns), columns, 0.0)
+        mean[bins[starts]] = np.add.reduceat(held, starts, axis=0)
+        mean /= np.maximum(np.bincount(bins), 1)[:, None, None]
+        found.append(mean)
+    return found[0], found[1]
+
+
+def _bins(model: Model) -> Ints:
+    """The bin (n,) of each sample, from the first on."""
+    bins: Ints = ((model.since_middle - model.since_middle[0]) / BIN_S).astype(np.int64)
+    return bins
 
 
 def general_equations(

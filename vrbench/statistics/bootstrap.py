@@ -31,11 +31,13 @@ class Series:
         errors: one error a sample (n,), evenly in time, in any unit.
         mount: the fixing of the headset it was recorded in.
         sitting: the visit to the lab it was recorded in.
+        block: samples that depend on each other; None where only the errors can tell.
     """
 
     errors: Floats
     mount: str = ""
     sitting: str = ""
+    block: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ def bootstrap(
         EstimationError: no series, or one without samples.
     """
     _require_samples(series)
-    lengths = [_block_length(_powers(s.errors, statistic)) for s in series]
+    lengths = [_block_length(s, statistic) for s in series]
     errors = [s.errors[None] for s in series] if redraw is None else redraw(rng, replicates)
     sums = [running_sums(_powers(e, statistic)) for e in errors]
     places = [(s.sitting, s.mount) for s in series]
@@ -199,8 +201,9 @@ def draw_blocks(sums: Floats, replicate: Ints, length: int, rng: np.random.Gener
     return drawn
 
 
-def _block_length(values: Floats) -> int:
-    return max(1, min(block_length(values), len(values) // MIN_BLOCKS))
+def _block_length(series: Series, statistic: Statistic) -> int:
+    asked = series.block or block_length(_powers(series.errors, statistic))
+    return max(1, min(asked, len(series.errors) // MIN_BLOCKS))
 
 
 def _powers(errors: Floats, statistic: Statistic) -> Floats:

@@ -12,7 +12,8 @@ from vrbench.geometry import Floats
 from vrbench.metrics.compared import aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval
-from vrbench.statistics.uncertainty import NORMAL_95, STEP, moved_x, time_bins
+from vrbench.statistics.following import STEP
+from vrbench.statistics.uncertainty import NORMAL_95, moved_x, time_bins
 
 
 def scale_intervals(

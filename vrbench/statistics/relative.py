@@ -17,14 +17,15 @@ from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.uncertainty import (
     ErrorModel,
     Key,
-    motion_part,
     quadratic_models,
     time_bins,
 )
 from vrbench.trajectory import NS
 
-# Pairs share what lies between their poses; blocks have to be as long, and there have to be some.
+# Pairs share what lies between their poses: there have to be some times that, and blocks as long
+# as several, or what they cut apart would be missing.
 LEAST_BLOCKS = 8
+SPANS = 4
 
 
 def relative_models(take: ScoredTake) -> dict[Key, ErrorModel]:
@@ -43,13 +44,11 @@ def relative_models(take: ScoredTake) -> dict[Key, ErrorModel]:
             continue
         bins = time_bins(t)
         vectors = partial(relative_vectors, pairs=pairs, delta=delta)
-        found = quadratic_models(take, vectors, bins)
-        for point, truth, estimate in take.points():
-            key = f"{T}@{delta:g}s", point
-            error, _ = rpe_poses(truth, estimate, pairs)
-            arm = (truth[pairs[0]].inverse() @ truth[pairs[1]]).p
-            found[key] = replace(found[key], motion=motion_part(arm, error, bins))
-        models |= {key: replace(model, centred=True, slow=False) for key, model in found.items()}
+        # that errors of pairs depend on each other is known, though at most lags it doesn't show
+        least = SPANS * int(bins[-1] + 1) * delta * NS / int(t[-1] - t[0])
+        for key, model in quadratic_models(take, vectors, bins).items():
+            block = max(model.block, round(least))
+            models[key] = replace(model, block=block, slow=False)
     return models
 
 

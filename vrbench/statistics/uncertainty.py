@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrbench.estimation.blocks import block_covariance
+from vrbench.estimation.blocks import block_covariance, block_length
 from vrbench.geometry import Floats, Ints, Transform, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
+from vrbench.statistics.following import STEP, explained, following
 from vrbench.trajectory import NS
 
 # Errors are averaged over bins this long: far below the time over which they are correlated.
@@ -20,8 +21,6 @@ BIN_S = 0.1
 MOST_BINS = 10_000
 REPLICATES = 500
 NORMAL_95 = 1.96
-# Step of X for its derivatives [rad, m]; errors are all but linear over much longer ones.
-STEP = 1e-4
 
 Key = tuple[str, str]
 
@@ -34,13 +33,13 @@ class ErrorModel:
         constant: mean square error in each bin (b,), in the square of the error's unit.
         linear: its gradient (b, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
         quadratic: and half its curvature (b, 6, 6).
-        motion: what the scale makes of the motion, above its mean (b,), in the square of the unit.
-            It comes back wherever the motion does, so it is no chance of the take.
+        motion: of `constant`, what errors make that follow the motion, above its mean (b,). It
+            comes back wherever the motion does, so it is no chance of the take.
+        block: bins over which errors depend on each other. That of the errors themselves: their
+            squares forget sooner, or seem to, and their intervals would be too narrow.
         turn: covariance of the alignment's own rotation (3, 3), in the square of the unit. It is
             fitted to positions, turns all rotations of the take alike, and so no resampling of
             them shows it. None for translations, which are fitted themselves.
-        centred: whether what a wrong X adds to the mean square is centred too. Where no alignment
-            takes it up, the take's own X has added one draw of it already.
         slow: whether the error hardly changes within a bin. The mean error of others isn't told by
             mean squares, and has no interval.
     """
@@ -49,22 +48,24 @@ class ErrorModel:
     linear: Floats
     quadratic: Floats
     motion: Floats
+    block: int
     turn: Floats | None = None
-    centred: bool = False
     slow: bool = True
 
     def drawn(self, dx: Floats, rng: np.random.Generator) -> Floats:
-        """Squares (m, b) with X off by dx (m, 6), and what the alignment's chance adds to them.
+        """Squares (m, b) as they would be with another X, off by dx (m, 6), and another alignment.
 
-        The take's own alignment is off by one draw already; so what draws add to the mean square
-        is centred, and widens the interval without moving it.
+        The take's own X and alignment have added one draw to its mean square already. So what draws
+        add is centred, and widens the interval without moving it. What the alignment's draw adds
+        is far from normal: where it may have added much, the mean of all draws lies that much
+        below the take's, and so it is subtracted.
         """
         square: Floats = self.constant + dx @ self.linear.T
         added = np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
-        square += added - added.mean(axis=0) if self.centred else added
+        square += added - added.mean(axis=0)
         if self.turn is not None:
             turn = rng.multivariate_normal(np.zeros(3), self.turn, size=len(dx), method="eigh")
-            square += (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
+            square -= (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
         return square
 
 
@@ -84,8 +85,6 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     for at in aligned(take):
         key = ("ape.rotation.aligned", at.point)
         models[key] = replace(models[key], turn=_turn_covariance(at, bins))
-        key = ("ape.translation.aligned", at.point)
-        models[key] = replace(models[key], motion=_of_motion(at, bins))
     return models
 
 
@@ -107,24 +106,15 @@ def quadratic_models(
     for dx in STEP * np.eye(6):
         for key, there in vectors(replace(take, x=moved_x(take.x, dx))):
             derivatives[key].append((there - here[key]) / STEP)
-    return {
-        key: _model(error, np.stack(derivatives[key], axis=2), bins) for key, error in here.items()
-    }
-
-
-def _of_motion(at: Compared, bins: np.ndarray) -> Floats:
-    """What the scale's error makes of squared errors in each bin (b,) [mm^2], above its mean."""
-    return motion_part(at.estimate.p - at.estimate.p.mean(axis=0), at.translation(), bins)
-
-
-def motion_part(arm: Floats, error: Floats, bins: Ints) -> Floats:
-    """What the factor that fits errors (n, 3) [m] best, times arms (n, 3) [m], makes of squared
-    errors in each bin (b,) [mm^2], above its mean.
-    """
-    square = np.einsum("ni,ni->n", arm, arm)
-    share = float(np.einsum("ni,ni->", arm, error) / square.sum()) if square.any() else 0.0
-    binned = (MM * share) ** 2 * _binned(square, bins)
-    return binned - binned.mean()
+    like: dict[Key, list[Floats]] = {key: [] for key in here}
+    for erring in following(take):
+        for key, there in vectors(erring):
+            like[key].append((there - here[key]) / STEP)
+    models = {}
+    for key, error in here.items():
+        followed = explained(error, np.stack(like[key], axis=2))
+        models[key] = _model(error, followed, np.stack(derivatives[key], axis=2), bins)
+    return models
 
 
 def _turn_covariance(at: Compared, bins: np.ndarray) -> Floats:
@@ -165,7 +155,7 @@ def intervals(
             if statistic == "mean" and not all(model.slow for model in own):
                 continue
             series = [
-                Series(wanted(model, model.constant), mount=mount, sitting=sitting)
+                Series(wanted(model, model.constant), mount, sitting, model.block)
                 for model, (sitting, mount) in zip(own, places, strict=True)
             ]
 
@@ -239,14 +229,18 @@ def error_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
         yield ("ape.rotation.aligned", at.point), np.degrees(at.rotation())
 
 
-def _model(error: Floats, derivative: Floats, bins: np.ndarray) -> ErrorModel:
-    """Of error vectors (n, 3), their derivatives (n, 3, 6) by X, and the bin of each (n,)."""
-    constant = _binned(np.einsum("ni,ni->n", error, error), bins)
+def _model(error: Floats, followed: Floats, derivative: Floats, bins: Ints) -> ErrorModel:
+    """Of error vectors (n, 3), what of them follows the motion (n, 3), their derivatives (n, 3, 6)
+    by X, and the bin of each (n,).
+    """
+    motion = _binned(np.einsum("nc,nc->n", followed, followed), bins)
+    noise = _binned(error - followed, bins)
     return ErrorModel(
-        constant=constant,
+        constant=_binned(np.einsum("ni,ni->n", error, error), bins),
         linear=_binned(2.0 * np.einsum("ni,nij->nj", error, derivative), bins),
         quadratic=_binned(np.einsum("nij,nik->njk", derivative, derivative), bins),
-        motion=np.zeros_like(constant),
+        motion=motion - motion.mean(),
+        block=max(block_length(axis) for axis in noise.T),
     )
 
 
