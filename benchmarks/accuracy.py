@@ -1,20 +1,25 @@
 """How accurate vrbench itself is: known truth, simulated takes, the chain of `vrbench-1`.
 
-python benchmarks/accuracy.py [--seeds 400] [--long-seeds 40] [--jobs 2]
+python benchmarks/accuracy.py [--seeds 400] [--long-seeds 40] [--jobs 2] [--keep FOLDER]
 
 Every seed is a mount with a true X of its own: a calibration with `saturate-1` before, `shooter-1`
 to be scored, a calibration after. The headset errs by 1 mm and 0.1 deg rms (of the vectors'
 lengths), has 1 % of scale error, predicts by 25 ms, and its clock gains 20 ppm.
+
+With a folder, what each seed gave is kept there, and seeds that are there aren't made again.
 """
 
 from __future__ import annotations
 
 import argparse
+import pickle
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -298,6 +303,18 @@ def rows(outcomes: Sequence[Outcome], white: bool) -> list[tuple[str, float, str
     return table
 
 
+def kept(make: Callable[[int], Any], folder: Path | None, kind: str, seed: int) -> Any:
+    """What `make` gives for a seed, from the folder where it is there."""
+    if folder is None:
+        return make(seed)
+    file = folder / f"{kind}-{seed}.pickle"
+    if not file.exists():
+        unfinished = file.with_suffix(".part")
+        unfinished.write_bytes(pickle.dumps(make(seed)))
+        unfinished.replace(file)
+    return pickle.loads(file.read_bytes())
+
+
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(
@@ -306,18 +323,24 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=400)
     parser.add_argument("--long-seeds", type=int, default=40, help="of two hours each")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="folder for what each seed gave")
     options = parser.parse_args()
+    if options.keep:
+        options.keep.mkdir(parents=True, exist_ok=True)
     versions = f"numpy {np.__version__}, scipy {scipy.__version__}"
     print(f"vrbench {vrbench.__version__}, python {platform.python_version()}, {versions}")
     with ProcessPoolExecutor(options.jobs) as pool:
         for white in (False, True):
-            kind = "white" if white else f"correlated, {TAU_S:g} s"
-            outcomes = list(pool.map(partial(outcome, white=white), range(options.seeds)))
-            print(f"\n{kind} noise, {options.seeds} seeds{'':<24}{'value':>10} unit  target")
+            kind = "white" if white else "correlated"
+            made = partial(kept, partial(outcome, white=white), options.keep, kind)
+            outcomes = list(pool.map(made, range(options.seeds)))
+            title = f"{kind} noise, {options.seeds} seeds"
+            print(f"\n{title:<52}{'value':>10} unit  target", flush=True)
             for what, value, unit, target in rows(outcomes, white):
                 print(f"{what:<52}{value:>10.3f} {unit:<4}  {target}")
         if options.long_seeds:
-            skews = np.array(list(pool.map(skew_error, range(options.long_seeds))))
+            made = partial(kept, skew_error, options.keep, "hours")
+            skews = np.array(list(pool.map(made, range(options.long_seeds))))
             held = 100 * np.mean(np.abs(skews[:, 0]) < NORMAL_95 * skews[:, 1])
             print(f"\ntwo hours, {options.long_seeds} seeds")
             print(f"{'skew, 95 % within':<52}{most(skews[:, 0]):>10.4f} ppm   0.1")

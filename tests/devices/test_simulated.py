@@ -101,6 +101,30 @@ def test_slow_noise_keeps_its_correlation_time() -> None:
     assert r == pytest.approx(np.exp(-1.0), abs=0.08)
 
 
+def test_slow_noise_is_gaussian() -> None:
+    """Its mean square scatters from take to take as that of such a process does: tones of one
+    size would scatter by less, and intervals of an rmse seem too wide.
+    """
+    t = np.arange(0.0, 120.0, 0.1)
+    squares = [np.mean(correlated(rng_of(seed, "x"), 1.0, 2.0, 3)(t) ** 2) for seed in range(400)]
+    # twice the time constant over the duration, on each of three axes
+    assert np.std(squares) == pytest.approx(np.sqrt(2.0 * 2.0 / 120.0 / 3.0), rel=0.1)
+
+
+def test_slow_noise_is_a_function_of_time() -> None:
+    def noise():
+        return correlated(rng_of(3, "x"), 1.0, 2.0, 3)
+
+    t = np.linspace(-130.0, 300.0, 2000)
+    whole, there = noise()(t), noise()
+    assert np.array_equal(there(t[1500:1510]), whole[1500:1510])
+    assert np.array_equal(there(t[100:110]), whole[100:110])
+    # no step where one chunk ends and the next begins
+    near = np.arange(59.0, 61.0, 1e-3)
+    assert np.abs(np.diff(noise()(near), axis=0)).max() < 0.03
+    assert len(noise()(np.zeros(0))) == 0
+
+
 def test_losses_come_as_often_and_last_as_long_as_asked() -> None:
     t = np.arange(0.0, 3600.0, 0.01)
     lost = losses(rng_of(1, "x"), 6.0, 0.5)(t)

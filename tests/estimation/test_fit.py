@@ -85,6 +85,36 @@ def test_exact_data_give_the_truth(truth):
     assert found.y.apply(found.scale_centre) == pytest.approx(eye, abs=1e-3)
 
 
+@pytest.mark.parametrize("free", [("offset", "y"), (*CALIBRATION, "skew")])
+def test_a_stream_against_itself_is_fitted(truth, free):
+    """The first thing anybody tries. Every residual is nought, or the last digit."""
+    for rate_hz in (72.0, 100.0):
+        same = truth(1).reference(30.0, rate_hz)
+        found = fit(
+            same,
+            same,
+            clock=ClockMap.affine(int(same.t[0]), 0.0),
+            x=Transform.identity(),
+            free=free,
+        )
+        assert offset_error(found, 0.0) == pytest.approx(0.0, abs=1e-8)
+        assert np.abs(found.translation).max() < 1e-9
+
+
+def test_errors_that_follow_the_motion_are_no_noise(truth):
+    """The offset is no less certain beside an error of scale."""
+    head = truth(4)
+    reference = head.reference(60.0)
+    clock = ClockMap.affine(int(reference.t[0]), 0.0)
+    sigmas = [
+        fit(reference, head.estimate(60.0, scale=scale, noise=NOISE), clock=clock, x=head.x).sigma(
+            "offset"
+        )
+        for scale in (1.0, 1.02)
+    ]
+    assert sigmas[1] == pytest.approx(sigmas[0], rel=0.1)
+
+
 def test_x_under_real_noise(truth):
     """A 4-minute calibration, 1 mm and 0.1 deg rms of noise that lasts 2 s, 1 % of scale."""
     errors = []

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vrbench.clocks import ClockMap
+from vrbench.estimation.blocks import block_length
 from vrbench.geometry import Transform, rotvec_to_quat
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.uncertainty import ErrorModel, error_models, intervals, offset_interval
@@ -16,7 +17,7 @@ KEY = ("ape.translation.aligned", "eye")
 def model(turn: np.ndarray | None) -> ErrorModel:
     """An error of 0.1 in each of 50 bins, whatever X is."""
     flat = np.full(50, 0.01)
-    return ErrorModel(flat, np.zeros((50, 6)), np.zeros((50, 6, 6)), 0.0 * flat, turn)
+    return ErrorModel(flat, np.zeros((50, 6)), np.zeros((50, 6, 6)), 0.0 * flat, 1, turn)
 
 
 def test_the_chance_of_an_alignment_widens_and_does_not_move():
@@ -26,6 +27,24 @@ def test_the_chance_of_an_alignment_widens_and_does_not_move():
     assert drawn.mean() == pytest.approx(0.01, rel=0.01)
     # the square of a normal vector of three components: variance 6 sigma^4
     assert drawn[:, 0].std() == pytest.approx(np.sqrt(6.0) * 0.03**2, rel=0.05)
+
+
+def test_where_an_alignment_may_have_turned_much_the_error_was_less():
+    """What it added is a sum of squares, long on the far side: so is the interval, downwards."""
+    turn = np.diag([0.06**2, 0.0, 0.0])
+    drawn = model(turn).drawn(np.zeros((20_000, 6)), np.random.default_rng(1))[:, 0]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    assert 0.01 - low > 3.0 * (high - 0.01)
+
+
+def test_x_redrawn_widens_and_does_not_move():
+    flat = np.full(50, 0.01)
+    by_x = np.zeros((50, 6)), np.broadcast_to(np.eye(6), (50, 6, 6))
+    drawn = ErrorModel(flat, *by_x, 0.0 * flat, 1).drawn(
+        np.random.default_rng(2).normal(0.0, 0.05, (500, 6)), np.random.default_rng(0)
+    )
+    assert drawn.mean() == pytest.approx(0.01)
+    assert drawn.std() > 0.005
 
 
 def test_an_error_that_is_aligned_itself_is_taken_as_it_is():
@@ -77,7 +96,9 @@ def test_intervals_of_rmse_hold_beside_an_error_of_scale():
     ends = [rmse_interval(one) for one in found]
     assert np.mean([end.low <= true <= end.high for end in ends]) >= 0.8
     # with what the motion does counted as chance too, they are twice as wide
-    assert width(found[0]) < 0.7 * width(replace(found[0], motion=0.0 * found[0].motion))
+    one = found[0]
+    chance = replace(one, motion=0.0 * one.motion, block=block_length(one.constant))
+    assert width(one) < 0.7 * width(chance)
 
 
 def test_the_offset_has_an_interval_where_it_was_fitted():

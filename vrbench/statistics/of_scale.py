@@ -12,7 +12,7 @@ from vrbench.geometry import Floats
 from vrbench.metrics.compared import aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval
-from vrbench.statistics.following import STEP
+from vrbench.statistics.following import STEP, explained, following
 from vrbench.statistics.uncertainty import NORMAL_95, moved_x, time_bins
 
 
@@ -22,7 +22,8 @@ def scale_intervals(
     """Intervals of `scale` by metric, point and statistic: of the take's blocks, and of X.
 
     The scale is a least-squares fit with one parameter, so its variance is that of the sums of
-    its scores over blocks of time. Noise makes the estimate's motion seem larger than it is, by its
+    its scores over blocks of time. Errors that follow the motion are no part of it: they add the
+    same in every such motion. Noise makes the estimate's motion seem larger than it is, by its
     variance over the motion's: the upper end takes that in.
 
     Raises:
@@ -31,18 +32,21 @@ def scale_intervals(
     bins = time_bins(take.estimate.t)
     found = {}
     by_x = _derivatives(take) if x_covariance is not None else {}
-    for at in aligned(take):
+    like = [[at.translation() for at in aligned(erring)] for erring in following(take)]
+    for place, at in enumerate(aligned(take)):
         arm = at.estimate.p - at.estimate.p.mean(axis=0)
         square = float(np.einsum("ni,ni->", arm, arm))
         scale = umeyama_scale(at.truth.p, at.estimate.p)
-        error = at.truth.p - at.truth.p.mean(axis=0) - scale * arm
-        scores = np.bincount(bins, np.einsum("ni,ni->n", arm, error)).astype(np.float64)[:, None]
+        error = at.translation()
+        columns = [(erring[place] - error) / STEP for erring in like]
+        noise = error - explained(error, np.stack(columns, axis=2))
+        scores = np.bincount(bins, np.einsum("ni,ni->n", arm, noise)).astype(np.float64)[:, None]
         variance, _ = block_covariance(np.array([[1.0 / square]]), scores)
         total = float(variance[0, 0])
         if x_covariance is not None:
             total += float(by_x[at.point] @ x_covariance @ by_x[at.point])
         half = NORMAL_95 * float(np.sqrt(total))
-        larger = scale * float(np.einsum("ni,ni->", error, error)) / square
+        larger = scale * float(np.einsum("ni,ni->", noise, noise)) / square
         found["scale", at.point, "value"] = Interval(scale - half, scale + larger + half, "take")
     return found
 

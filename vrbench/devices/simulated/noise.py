@@ -62,9 +62,10 @@ def correlated(
         first = int(np.floor(np.min(t) / step_s)) // size
         last = (int(np.floor(np.max(t) / step_s)) + 1) // size
         made = np.concatenate([chunk(number) for number in range(first, last + 1)])
-        place = t / step_s - first * size
+        place = t / step_s
         left = np.floor(place).astype(np.int64)
         share = (place - left)[:, None]
+        left -= first * size
         value: Floats = made[left] * (1.0 - share) + made[left + 1] * share
         return value
 
