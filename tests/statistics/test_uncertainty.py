@@ -14,42 +14,44 @@ from vrbench.trajectory import NS, Trajectory
 KEY = ("ape.translation.aligned", "eye")
 
 
-def model(turn: np.ndarray | None) -> ErrorModel:
+def model(turn: float | None = None, **options) -> ErrorModel:
     """An error of 0.1 in each of 50 bins, whatever X is."""
     flat = np.full(50, 0.01)
-    return ErrorModel(flat, np.zeros((50, 6)), np.zeros((50, 6, 6)), 0.0 * flat, 1, turn)
+    return ErrorModel(flat, np.zeros((50, 6)), np.zeros((50, 6, 6)), 0.0 * flat, 1, turn, **options)
 
 
-def test_the_chance_of_an_alignment_widens_and_does_not_move():
-    rng = np.random.default_rng(0)
-    turn = 0.03**2 * np.eye(3)
-    drawn = model(turn).drawn(np.zeros((20_000, 6)), rng)
-    assert drawn.mean() == pytest.approx(0.01, rel=0.01)
-    # the square of a normal vector of three components: variance 6 sigma^4
-    assert drawn[:, 0].std() == pytest.approx(np.sqrt(6.0) * 0.03**2, rel=0.05)
+def drawn(one: ErrorModel, seed: int = 0) -> np.ndarray:
+    return one.drawn(np.zeros((20_000, 6)), np.random.default_rng(seed))[:, 0]
 
 
-def test_where_an_alignment_may_have_turned_much_the_error_was_less():
-    """What it added is a sum of squares, long on the far side: so is the interval, downwards."""
-    turn = np.diag([0.06**2, 0.0, 0.0])
-    drawn = model(turn).drawn(np.zeros((20_000, 6)), np.random.default_rng(1))[:, 0]
-    low, high = np.percentile(drawn, (2.5, 97.5))
-    assert 0.01 - low > 3.0 * (high - 0.01)
+def test_an_alignment_adds_what_it_does_in_the_mean_and_not_what_it_did():
+    assert drawn(model(0.002, turned=0.003)) == pytest.approx(0.009)
+
+
+def test_a_turn_known_from_few_blocks_widens():
+    few, many = (np.ptp(np.percentile(drawn(model(0.002, freedom=n)), (5, 95))) for n in (6, 600))
+    assert few > 5.0 * many
+
+
+def test_an_interval_holds_what_was_found():
+    for turned in (0.0, 0.008):
+        found = intervals(
+            [{KEY: model(0.002, turned=turned)}], [None], [("s", "m")], np.random.default_rng(1)
+        )[*KEY, "rmse"]
+        assert found.low <= 0.1 <= found.high
 
 
 def test_x_redrawn_widens_and_does_not_move():
     flat = np.full(50, 0.01)
     by_x = np.zeros((50, 6)), np.broadcast_to(np.eye(6), (50, 6, 6))
-    drawn = ErrorModel(flat, *by_x, 0.0 * flat, 1).drawn(
-        np.random.default_rng(2).normal(0.0, 0.05, (500, 6)), np.random.default_rng(0)
-    )
-    assert drawn.mean() == pytest.approx(0.01)
-    assert drawn.std() > 0.005
+    dx = np.random.default_rng(2).normal(0.0, 0.05, (500, 6))
+    found = ErrorModel(flat, *by_x, 0.0 * flat, 1).drawn(dx, np.random.default_rng(0))
+    assert found.mean() == pytest.approx(0.01)
+    assert found.std() > 0.005
 
 
 def test_an_error_that_is_aligned_itself_is_taken_as_it_is():
-    drawn = model(None).drawn(np.zeros((3, 6)), np.random.default_rng(0))
-    assert np.array_equal(drawn, np.full((3, 50), 0.01))
+    assert np.array_equal(drawn(model()), np.full(20_000, 0.01))
 
 
 def scored(seed: int, scale: float, noise_m: float, offset_sigma_s: float | None = None):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from vrbench.geometry import (
     quat_rotate,
     rotvec_to_quat,
 )
+from vrbench.metrics.compared import aligned
 from vrbench.metrics.scored import ScoredTake
 
 # Factor of each kind of error for its derivative: tenths of a millimetre, milliradians.
@@ -43,11 +44,43 @@ def following(take: ScoredTake) -> Iterator[ScoredTake]:
     yield _seen(take, Transform(pose.p, quat_multiply(pose.q, turn)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """Aligned errors of translation at a point, taken apart.
+
+    Attributes:
+        noise: what of them doesn't follow the motion (n, 3) [m].
+        turn: by how much what does turns the alignment (3,): a rotation vector in base [rad].
+    """
+
+    noise: Floats
+    turn: Floats
+
+
+def aligned_followed(take: ScoredTake) -> dict[str, Followed]:
+    """By point; raises EstimationError where the take can't be aligned."""
+    erring = [list(aligned(other)) for other in following(take)]
+    found = {}
+    for place, at in enumerate(aligned(take)):
+        error, turn = at.translation(), at.rotation().mean(axis=0)
+        others = [points[place] for points in erring]
+        columns = np.stack([(other.translation() - error) / STEP for other in others], axis=2)
+        turns = [(other.rotation().mean(axis=0) - turn) / STEP for other in others]
+        share = shares(error, columns)
+        found[at.point] = Followed(error - columns @ share, share @ np.array(turns))
+    return found
+
+
+def shares(error: Floats, columns: Floats) -> Floats:
+    """How much of each column (n, 3, m) is in errors (n, 3), by least squares (m,)."""
+    inner = np.einsum("ncm,ncl->ml", columns, columns)
+    found: Floats = np.linalg.pinv(inner, hermitian=True) @ np.einsum("ncm,nc->m", columns, error)
+    return found
+
+
 def explained(error: Floats, columns: Floats) -> Floats:
     """What columns (n, 3, m) explain of errors (n, 3), by least squares (n, 3)."""
-    inner = np.einsum("ncm,ncl->ml", columns, columns)
-    share = np.linalg.pinv(inner, hermitian=True) @ np.einsum("ncm,nc->m", columns, error)
-    found: Floats = columns @ share
+    found: Floats = columns @ shares(error, columns)
     return found
 
 

@@ -12,7 +12,7 @@ from vrbench.geometry import Floats
 from vrbench.metrics.compared import aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval
-from vrbench.statistics.following import STEP, explained, following
+from vrbench.statistics.following import STEP, aligned_followed
 from vrbench.statistics.uncertainty import NORMAL_95, moved_x, time_bins
 
 
@@ -32,14 +32,12 @@ def scale_intervals(
     bins = time_bins(take.estimate.t)
     found = {}
     by_x = _derivatives(take) if x_covariance is not None else {}
-    like = [[at.translation() for at in aligned(erring)] for erring in following(take)]
-    for place, at in enumerate(aligned(take)):
+    followed = aligned_followed(take)
+    for at in aligned(take):
         arm = at.estimate.p - at.estimate.p.mean(axis=0)
         square = float(np.einsum("ni,ni->", arm, arm))
         scale = umeyama_scale(at.truth.p, at.estimate.p)
-        error = at.translation()
-        columns = [(erring[place] - error) / STEP for erring in like]
-        noise = error - explained(error, np.stack(columns, axis=2))
+        noise = followed[at.point].noise
         scores = np.bincount(bins, np.einsum("ni,ni->n", arm, noise)).astype(np.float64)[:, None]
         variance, _ = block_covariance(np.array([[1.0 / square]]), scores)
         total = float(variance[0, 0])

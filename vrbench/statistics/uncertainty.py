@@ -12,7 +12,7 @@ from vrbench.geometry import Floats, Ints, Transform, quat_multiply, rotvec_to_q
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
-from vrbench.statistics.following import STEP, explained, following
+from vrbench.statistics.following import STEP, aligned_followed, explained, following
 from vrbench.trajectory import NS
 
 # Errors are averaged over bins this long: far below the time over which they are correlated.
@@ -37,9 +37,11 @@ class ErrorModel:
             comes back wherever the motion does, so it is no chance of the take.
         block: bins over which errors depend on each other. That of the errors themselves: their
             squares forget sooner, or seem to, and their intervals would be too narrow.
-        turn: covariance of the alignment's own rotation (3, 3), in the square of the unit. It is
+        turn: what the alignment's own rotation adds to the square in the mean of such takes. It is
             fitted to positions, turns all rotations of the take alike, and so no resampling of
             them shows it. None for translations, which are fitted themselves.
+        turned: what it added in this take.
+        freedom: of how many blocks, less one, `turn` was found.
         slow: whether the error hardly changes within a bin. The mean error of others isn't told by
             mean squares, and has no interval.
     """
@@ -49,23 +51,27 @@ class ErrorModel:
     quadratic: Floats
     motion: Floats
     block: int
-    turn: Floats | None = None
+    turn: float | None = None
+    turned: float = 0.0
+    freedom: float = np.inf
     slow: bool = True
 
     def drawn(self, dx: Floats, rng: np.random.Generator) -> Floats:
-        """Squares (m, b) as they would be with another X, off by dx (m, 6), and another alignment.
+        """Squares (m, b) as they would be with another X, off by dx (m, 6), and as the alignment
+        leaves them in the mean of such takes.
 
-        The take's own X and alignment have added one draw to its mean square already. So what draws
-        add is centred, and widens the interval without moving it. What the alignment's draw adds
-        is far from normal: where it may have added much, the mean of all draws lies that much
-        below the take's, and so it is subtracted.
+        The take's own X has added one draw to its mean square already, so what draws add is
+        centred, and widens the interval without moving it.
         """
         square: Floats = self.constant + dx @ self.linear.T
         added = np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
         square += added - added.mean(axis=0)
         if self.turn is not None:
-            turn = rng.multivariate_normal(np.zeros(3), self.turn, size=len(dx), method="eigh")
-            square -= (np.sum(turn * turn, axis=1) - np.trace(self.turn))[:, None]
+            larger = np.ones(len(dx))
+            if np.isfinite(self.freedom):
+                # as Student's t does for a variance that few blocks tell
+                larger = self.freedom / rng.chisquare(self.freedom, size=len(dx))
+            square += (larger * self.turn - self.turned)[:, None]
         return square
 
 
@@ -82,9 +88,18 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
         return {}
     bins = time_bins(take.estimate.t)
     models = quadratic_models(take, error_vectors, bins)
+    followed = aligned_followed(take)
     for at in aligned(take):
+        own = followed[at.point]
+        turn, blocks = _turn(at, own.noise, bins)
+        mean, systematic = np.degrees(at.rotation().mean(axis=0)), np.degrees(own.turn)
         key = ("ape.rotation.aligned", at.point)
-        models[key] = replace(models[key], turn=_turn_covariance(at, bins))
+        models[key] = replace(
+            models[key],
+            turn=turn,
+            turned=float(mean @ mean - systematic @ systematic),
+            freedom=max(blocks - 1.0, 3.0),
+        )
     return models
 
 
@@ -117,14 +132,16 @@ def quadratic_models(
     return models
 
 
-def _turn_covariance(at: Compared, bins: np.ndarray) -> Floats:
-    """Covariance (3, 3) [deg^2] of the rotation of an alignment, from the errors it leaves."""
+def _turn(at: Compared, noise: Floats, bins: Ints) -> tuple[float, float]:
+    """Mean square [deg^2] of the chance in an alignment's rotation, from the noise (n, 3) [m] it
+    leaves, and in how many blocks that was.
+    """
     arm = at.estimate.p - at.estimate.p.mean(axis=0)
     inertia = np.sum(arm * arm) * np.eye(3) - arm.T @ arm
-    scores = np.cross(arm, at.translation())
+    scores = np.cross(arm, noise)
     sums: Floats = np.stack([np.bincount(bins, column) for column in scores.T], 1).astype(float)
-    covariance, _ = block_covariance(np.linalg.inv(inertia), sums)
-    return np.degrees(np.degrees(covariance))
+    covariance, length = block_covariance(np.linalg.inv(inertia), sums)
+    return float(np.degrees(np.degrees(np.trace(covariance)))), len(sums) / length
 
 
 def moved_x(x: Transform, dx: Floats) -> Transform:
@@ -177,6 +194,11 @@ def intervals(
             interval = bootstrap(
                 series, rng, statistic="mean", replicates=REPLICATES, redraw=redraw
             )
+            if statistic == "rmse" and any(model.turn is not None for model in own):
+                # where an alignment turned takes by more than most, the mean of all may lie below
+                value = float(np.mean(np.concatenate([model.constant for model in own])))
+                low, high = min(interval.low, value), max(interval.high, value)
+                interval = replace(interval, low=low, high=high)
             if statistic == "rmse":
                 low, high = np.sqrt(np.maximum((interval.low, interval.high), 0.0)).tolist()
                 interval = replace(interval, low=low, high=high)
