@@ -1,4 +1,4 @@
-"""One run at a time records into a folder: a lock that ends with the process that holds it."""
+"""One process at a time is at work in a run's folder: a lock that ends with who holds it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def locked(folder: Path) -> Iterator[None]:
     a crash nobody has to remove anything.
 
     Raises:
-        ConfigError: another process records into it, or it can't be made.
+        ConfigError: another process is at work in it, or it can't be made.
     """
     made = not folder.exists()
     try:
@@ -55,9 +55,8 @@ def locked(folder: Path) -> Iterator[None]:
             owner = file.read(20).decode(errors="replace").strip()
             file.close()
             raise ConfigError(
-                f"process {owner or '?'} records into this folder",
+                f"process {owner or '?'} is at work in this folder",
                 file=folder,
-                field="-o",
                 fix="let it finish, or name another folder",
             ) from None
         if _same(file, path):
