@@ -5,11 +5,9 @@ Its pages name runs by their folders' names, never by where those lie on this ma
 
 from __future__ import annotations
 
-import gc
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from typing import Any
 from vrbench.errors import ConfigError, VrbenchError
 from vrbench.results.board import STATISTICS, Board, Entry, Leaderboard, notes
 from vrbench.results.bundle import Bundle
+from vrbench.results.collection import without_collection
 from vrbench.results.report.pages import SCRIPT, STYLE, render, script, style
 from vrbench.results.report.run_page import Site, Stand, run_page
 
@@ -67,7 +66,7 @@ def write_site(
     for k, folder in enumerate(folders):
         tell(folder.name, k, len(folders))
         site = Site(HOME, stands.get(str(folder), ()))
-        with _without_collection():
+        with without_collection():
             lines.append(_write_run(folder, protocol, site, out / pages[str(folder)], trouble))
     written = {line.page for line in lines}
     links = {run: page for run, page in pages.items() if page in written}
@@ -78,18 +77,6 @@ def write_site(
     (out / RUNS).write_text(
         render("runs.html.j2", shared=True, home=HOME, lines=lines), encoding="utf-8"
     )
-
-
-@contextmanager
-def _without_collection() -> Iterator[None]:
-    """A page makes many small lists and no cycles: looking for some is a fifth of its time."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
 
 
 def _make(out: Path) -> None:
