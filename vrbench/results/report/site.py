@@ -135,15 +135,13 @@ def _write_run(
 def _board_page(board: Board, links: Mapping[str, str]) -> str:
     shown = [entry for entry in board.entries if entry.value is not None][:MOST_INTERVALS]
     apart = len({tuple(e.ranked_among) for e in board.entries if e.ranked_among}) > 1
-    floors = [e.floor for e in board.entries if e.floor is not None and e.unit == board.unit]
     forest = {
         "title": "Devices with their intervals",
         "note": "95 %; hollow: not ranked; pub.: printed by others"
         + (f"; the first {len(shown)}" if len(board.entries) > len(shown) else ""),
         "label": board.metric,
         "unit": board.unit,
-        "floor": max(floors) if floors and not board.change else None,
-        "rows": [_interval(entry, apart) for entry in shown],
+        "rows": [_interval(entry, board, apart) for entry in shown],
     }
     ranked_by = [name for name in STATISTICS if f" {name} " in board.metric]
     return render(
@@ -163,7 +161,7 @@ def _board_page(board: Board, links: Mapping[str, str]) -> str:
     )
 
 
-def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
+def _interval(entry: Entry, board: Board, apart: bool) -> dict[str, Any]:
     """A line of the chart; where labs are ranked apart, places of several would stand mixed."""
     place = "" if apart else f"{entry.places}  "
     return {
@@ -173,6 +171,8 @@ def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
         "value": entry.value,
         "low": entry.low,
         "high": entry.high,
+        # that of a change isn't that of the error
+        "floor": None if board.change or entry.unit != board.unit else entry.floor,
     }
 
 
