@@ -10,7 +10,6 @@ from vrbench.errors import EstimationError
 from vrbench.geometry import Floats, Ints, Transform
 from vrbench.metrics.compared import MM, Compared, aligned, at_samples
 from vrbench.metrics.scored import ScoredTake
-from vrbench.results.bundle import TakeRecord
 from vrbench.results.plot_data import (
     BySpeed,
     ErrorCurves,
@@ -21,6 +20,7 @@ from vrbench.results.plot_data import (
     TakeCurves,
     few,
 )
+from vrbench.results.record import TakeRecord
 from vrbench.results.spectrum import spectrum
 from vrbench.statistics.uncertainty import error_vectors
 from vrbench.streams import Event
