@@ -12,8 +12,10 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from vrbench.errors import ConfigError, DataError, VrbenchError
-from vrbench.results.bundle import RECORD, Bundle, RunRecord, inside
+from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS
+from vrbench.results.files import inside
+from vrbench.results.record import RECORD, RunRecord
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem

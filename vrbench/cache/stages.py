@@ -24,7 +24,7 @@ from vrbench.cache.store import Store
 from vrbench.metrics.registry import Family
 from vrbench.protocols.protocol import Protocol
 from vrbench.recording.take import read_take
-from vrbench.results.bundle import RunRecord
+from vrbench.results.record import RunRecord
 from vrbench.sources import code_of, digest_of
 from vrbench.streams import Columns
 
