@@ -115,7 +115,8 @@ def test_intervals_are_whole_and_say_what_they_speak_for(run: Path) -> None:
     for row in rows:
         assert (row.ci_low is None) == (row.ci_high is None) == (row.ci_scope == "")
         if row.ci_low is not None and row.ci_high is not None:
-            assert row.ci_low < row.value < row.ci_high, row
+            assert row.ci_low <= row.value <= row.ci_high, row
+            assert row.ci_low < row.ci_high, row
             assert row.ci_scope == "take"  # one mount, two repeats
     assert sum(row.ci_low is not None for row in rows) >= 40
 

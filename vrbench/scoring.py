@@ -265,7 +265,8 @@ def _with_offset_interval(row: Row, whole: ScoredTake) -> Row:
     interval = offset_interval(whole, row.value)
     if interval is None:
         return row
-    return replace(row, ci_low=interval.low, ci_high=interval.high, ci_scope=interval.scope)
+    low, high = min(interval.low, row.value), max(interval.high, row.value)
+    return replace(row, ci_low=low, ci_high=high, ci_scope=interval.scope)
 
 
 def _pose_rows(
@@ -342,8 +343,13 @@ def with_intervals(
 
 
 def with_interval(row: Row, found: Mapping[tuple[str, str, str], Interval]) -> Row:
-    """The row with the interval of its metric, point and statistic, if there is one."""
+    """The row with the interval of its metric, point and statistic, if there is one.
+
+    The interval takes in what was found, where all such takes together would have less: an
+    alignment may turn one by more than most.
+    """
     interval = found.get((row.metric, row.point, row.statistic))
     if interval is None or row.band != "all" or row.value is None or row.variant != "main":
         return row
-    return replace(row, ci_low=interval.low, ci_high=interval.high, ci_scope=interval.scope)
+    low, high = min(interval.low, row.value), max(interval.high, row.value)
+    return replace(row, ci_low=low, ci_high=high, ci_scope=interval.scope)

@@ -33,14 +33,6 @@ def test_a_turn_known_from_few_blocks_widens():
     assert few > 5.0 * many
 
 
-def test_an_interval_holds_what_was_found():
-    for turned in (0.0, 0.008):
-        found = intervals(
-            [{KEY: model(0.002, turned=turned)}], [None], [("s", "m")], np.random.default_rng(1)
-        )[*KEY, "rmse"]
-        assert found.low <= 0.1 <= found.high
-
-
 def test_x_redrawn_widens_and_does_not_move():
     flat = np.full(50, 0.01)
     by_x = np.zeros((50, 6)), np.broadcast_to(np.eye(6), (50, 6, 6))

@@ -42,8 +42,8 @@ class ErrorModel:
             them shows it. None for translations, which are fitted themselves.
         turned: what it added in this take.
         freedom: of how many blocks, less one, `turn` was found.
-        slow: whether the error hardly changes within a bin. The mean error of others isn't told by
-            mean squares, and has no interval.
+        slow: whether mean squares in bins tell the mean error too: it hardly changes within a bin,
+            and no turn is taken from its square. The mean of others has no interval.
     """
 
     constant: Floats
@@ -99,6 +99,7 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
             turn=turn,
             turned=float(mean @ mean - systematic @ systematic),
             freedom=max(blocks - 1.0, 3.0),
+            slow=False,
         )
     return models
 
@@ -194,11 +195,6 @@ def intervals(
             interval = bootstrap(
                 series, rng, statistic="mean", replicates=REPLICATES, redraw=redraw
             )
-            if statistic == "rmse" and any(model.turn is not None for model in own):
-                # where an alignment turned takes by more than most, the mean of all may lie below
-                value = float(np.mean(np.concatenate([model.constant for model in own])))
-                low, high = min(interval.low, value), max(interval.high, value)
-                interval = replace(interval, low=low, high=high)
             if statistic == "rmse":
                 low, high = np.sqrt(np.maximum((interval.low, interval.high), 0.0)).tolist()
                 interval = replace(interval, low=low, high=high)
