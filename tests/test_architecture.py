@@ -38,6 +38,7 @@ ORDER = (
         "runner",
         "importing",
         "rules",
+        "preparing",
         "scoring",
         "variants",
         "loops",

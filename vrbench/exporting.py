@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vrbench.errors import ConfigError, DataError, EstimationError
 from vrbench.evaluation import Tell, calibrated
+from vrbench.preparing import prepared
 from vrbench.protocols.body import body_shapes, usable
 from vrbench.protocols.protocol import Protocol
 from vrbench.results.bundle import Bundle
@@ -16,7 +17,6 @@ from vrbench.results.export.layout import write_layout
 from vrbench.results.export.part import Part
 from vrbench.results.tables import parse_rows
 from vrbench.rules import Rules
-from vrbench.scoring import prepared
 
 WRITERS: dict[str, Callable[[Part, Path], list[Path]]] = {
     "tum": tum.write_part,

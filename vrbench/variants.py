@@ -11,13 +11,14 @@ from vrbench.clocks import ClockMap
 from vrbench.errors import DataError, EstimationError
 from vrbench.geometry import Transform
 from vrbench.metrics.scored import ScoredTake
+from vrbench.preparing import excluded
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import headset_samples, recorded_span
 from vrbench.protocols.stretches import without
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
 from vrbench.rules import Rules
-from vrbench.scoring import Scored, absent_values, excluded, family_rows
+from vrbench.scoring import Scored, absent_values, family_rows
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 
