@@ -9,7 +9,8 @@ import numpy as np
 from vrbench.clocks import ClockMap, Skew
 from vrbench.errors import EstimationError
 from vrbench.estimation.drift import LONG_TAKE_S
-from vrbench.estimation.fit import Fit, fit
+from vrbench.estimation.fit import fit
+from vrbench.estimation.fitted import Fit
 from vrbench.estimation.handeye import (
     refuse_other_handedness,
     residuals,
