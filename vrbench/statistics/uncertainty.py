@@ -92,10 +92,14 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     for at in aligned(take):
         own = followed[at.point]
         turn, blocks = _turn(at, own.noise, bins)
-        mean, systematic = np.degrees(at.rotation().mean(axis=0)), np.degrees(own.turn)
+        rotation, systematic = np.degrees(at.rotation()), np.degrees(own.turn)
+        mean = rotation.mean(axis=0)
         key = ("ape.rotation.aligned", at.point)
+        # about another turn than this take's, squares would scatter otherwise
+        crossed = 2.0 * _binned((rotation - mean) @ mean, bins)
         models[key] = replace(
             models[key],
+            motion=models[key].motion + crossed - crossed.mean(),
             turn=turn,
             turned=float(mean @ mean - systematic @ systematic),
             freedom=max(blocks - 1.0, 3.0),
