@@ -344,7 +344,7 @@ def test_a_lock_dies_with_its_process(tmp_path):
     ) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(ConfigError, match=f"process {holder.pid} records"):
+        with pytest.raises(ConfigError, match=f"process {holder.pid} is at work"):
             locked(tmp_path).__enter__()
         holder.kill()
     assert (tmp_path / "run.lock").exists()
