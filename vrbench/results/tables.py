@@ -160,7 +160,7 @@ def _row(cells: list[str]) -> Row:
     row = Row(*typed)
     if row.status not in STATUSES:
         raise ValueError(f"status is {row.status!r}, none of {', '.join(STATUSES)}")
-    if row.value is not None and _unsigned(row) and row.value < 0.0:
+    if row.value is not None and row.value < 0.0 and _unsigned(row):
         raise ValueError(f"{row.metric} {row.statistic} is {row.value:g}, which can't be negative")
     if row.unit == "%" and row.value is not None and not 0.0 <= row.value <= WHOLE:
         raise ValueError(f"{row.metric} is {row.value:g} %")
