@@ -72,7 +72,7 @@ def command(
     from vrbench.recording.poses import read_poses
 
     question = Question(rotation, align, delta, max_diff)
-    truth, found = read_poses(reference), read_poses(estimate)
+    truth, found = read_poses(reference, estimate)
     answer = compare(truth, found, question)
     click.echo(
         f"{len(truth)} poses of {reference}, {len(found)} of {estimate}: "
