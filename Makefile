@@ -11,7 +11,7 @@ WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
 RUNS := runs/demo
 
-.PHONY: demo test lint docs dist clean
+.PHONY: demo test lint bench docs dist clean
 
 demo: $(VENV)/demo
 	@rm -rf $(RUNS)
@@ -27,6 +27,10 @@ lint: $(VENV)/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Peers and vrbench on the same files: tables for docs/performance.md. BENCH="ape mcap --quick" chooses.
+bench: $(VENV)/bench
+	$(BIN)/python -m benchmarks $(BENCH)
 
 docs: $(VENV)/docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs build/docs
@@ -60,6 +64,10 @@ $(VENV)/test: $(MANIFESTS) | $(BIN)/python
 	$(PIP) --editable '.[c3d,evo,lint,parquet,report,test]' $(EDITABLE)
 	-$(PIP) $(WITNESSES)
 	@touch $@ $(VENV)/demo
+
+$(VENV)/bench: $(VENV)/test
+	$(PIP) --editable '.[bench]'
+	@touch $@
 
 $(VENV)/docs: $(MANIFESTS) | $(BIN)/python
 	$(PIP) --editable '.[docs]'
