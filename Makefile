@@ -10,6 +10,8 @@ EDITABLE := $(foreach plugin,$(PLUGINS),--editable ./$(plugin))
 WITNESSES := natnet motioncapture
 MANIFESTS := pyproject.toml constraints.txt $(wildcard plugins/*/*/pyproject.toml)
 RUNS := runs/demo
+# One more than there are cores: some tests wait for devices that run in real time.
+WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .PHONY: demo test lint bench docs dist clean
 
@@ -21,7 +23,7 @@ demo: $(VENV)/demo
 	@echo "The bundles are $(RUNS)/quest-2 and $(RUNS)/quest-pro: takes, metrics, report.html."
 
 test: $(VENV)/test
-	$(BIN)/python -m pytest --numprocesses=auto
+	$(BIN)/python -m pytest --numprocesses=$(WORKERS) --dist=loadfile --no-loadscope-reorder
 
 lint: $(VENV)/test
 	$(BIN)/ruff check .

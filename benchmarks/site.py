@@ -27,7 +27,8 @@ import numpy as np
 from vrbench.clocks import ClockMap
 from vrbench.geometry import Floats, Transform, rotvec_to_quat
 from vrbench.metrics.scored import ScoredTake
-from vrbench.results.bundle import Bundle, file_digest
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.plot_curves import take_curves
 from vrbench.results.plot_data import bins_for, curves_file, write_curves

@@ -14,7 +14,8 @@ from tests.conftest import evaluated, recorded
 from vrbench.config.suite import Suite
 from vrbench.geometry import Transform, relative_angle
 from vrbench.recording.take import TakeWriter, read_take
-from vrbench.results.bundle import Bundle, file_digest
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
 from vrbench.results.tables import Row, read_rows
 from vrbench.streams import Columns
 

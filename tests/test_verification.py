@@ -18,7 +18,8 @@ import zstandard
 from vrbench.errors import ConfigError, DataError
 from vrbench.plugin.manager import Plugins
 from vrbench.recording.take import read_take
-from vrbench.results.bundle import Bundle, file_digest
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
 from vrbench.results.tables import read_rows, write_rows
 from vrbench.verification import Finding, verify_folder, verify_run
 

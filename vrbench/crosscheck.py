@@ -19,7 +19,7 @@ from vrbench.metrics.registry import Value
 from vrbench.metrics.summary import absent, summarise
 from vrbench.protocols.calibration import Verdict
 from vrbench.protocols.protocol import reference_trajectory
-from vrbench.results.bundle import TakeRecord
+from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
 from vrbench.rules import Rules
 from vrbench.streams import Columns

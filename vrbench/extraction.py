@@ -9,7 +9,8 @@ from vrbench.motion.files import resampled
 from vrbench.protocols.body import body_shapes, usable
 from vrbench.protocols.calibration import mean_x
 from vrbench.protocols.protocol import Protocol, reference_trajectory
-from vrbench.results.bundle import Bundle, TakeRecord
+from vrbench.results.bundle import Bundle
+from vrbench.results.record import TakeRecord
 from vrbench.trajectory import NS, Trajectory
 
 REFERENCE = "mocap"

@@ -18,7 +18,7 @@ from vrbench.devices.simulated.stage import Stage, VirtualClock
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench.plugin.manager import Plugins, check_options, pick
-from vrbench.results.bundle import AccuracyRecord, OcclusionRecord
+from vrbench.results.record import AccuracyRecord, OcclusionRecord
 from vrbench.trajectory import Trajectory
 
 

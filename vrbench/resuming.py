@@ -9,7 +9,9 @@ from vrbench.config.suite import Step
 from vrbench.errors import ConfigError
 from vrbench.recording.recorder import SETTLE_S
 from vrbench.recording.take import read_take
-from vrbench.results.bundle import RECORD, Bundle, RunRecord, TakeRecord, file_digest, utc_now
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
+from vrbench.results.record import RECORD, RunRecord, TakeRecord, utc_now
 from vrbench.trajectory import NS
 
 

@@ -14,7 +14,7 @@ from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Limits, Verdict, gate
 from vrbench.protocols.fixing import Fixing
 from vrbench.protocols.protocol import Protocol
-from vrbench.results.bundle import RunRecord, TakeRecord
+from vrbench.results.record import RunRecord, TakeRecord
 from vrbench.results.tables import Row
 
 SUFFICIENT = ("ok", "unbracketed", "extrapolated")

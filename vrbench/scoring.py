@@ -22,7 +22,7 @@ from vrbench.protocols.protocol import (
 )
 from vrbench.protocols.sitting import in_sitting
 from vrbench.protocols.stretches import spans, without
-from vrbench.results.bundle import TakeRecord
+from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Member, Row, pool
 from vrbench.rules import Rules, verdict_of
 from vrbench.statistics.bootstrap import Interval

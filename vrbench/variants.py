@@ -14,7 +14,7 @@ from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import headset_samples, recorded_span
 from vrbench.protocols.stretches import without
-from vrbench.results.bundle import TakeRecord
+from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
 from vrbench.rules import Rules
 from vrbench.scoring import Scored, absent_values, excluded, family_rows

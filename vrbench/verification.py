@@ -14,8 +14,10 @@ from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.evaluation import evaluate
 from vrbench.plugin.manager import Plugins, families_of
 from vrbench.protocols.registry import builtin_protocols
-from vrbench.results.bundle import RECORD, Bundle, RunRecord, file_digest, inside
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest, inside
 from vrbench.results.phases import read_phases
+from vrbench.results.record import RECORD, RunRecord
 from vrbench.results.tables import read_rows
 
 # What a run that is handed in may have at most.

@@ -17,9 +17,9 @@ from vrbench.cli import cli
 from vrbench.crosscheck import NAMES
 from vrbench.metrics.registry import builtin_families
 from vrbench.recording import cdr
-from vrbench.results.bundle import DeviceRecord, RunRecord, TakeRecord
 from vrbench.results.calibrations import CalibrationRecord
 from vrbench.results.phases import COLUMNS as PHASE_COLUMNS
+from vrbench.results.record import DeviceRecord, RunRecord, TakeRecord
 from vrbench.results.tables import COLUMNS, STATUSES
 from vrbench.statistics.floor import NoiseFloor
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from vrbench.config.suite import Suite
-from vrbench.results.bundle import Bundle, DeviceRecord, OcclusionRecord, RunRecord, TakeRecord
+from vrbench.results.bundle import Bundle
 from vrbench.results.phases import PhaseRow, write_phases
+from vrbench.results.record import DeviceRecord, OcclusionRecord, RunRecord, TakeRecord
 from vrbench.results.tables import Row, pool, write_rows
 from vrbench.statistics.bootstrap import scope_of
 

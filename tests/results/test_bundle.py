@@ -12,7 +12,8 @@ from vrbench.config.rig import load_rig
 from vrbench.config.suite import Suite
 from vrbench.errors import ConfigError, DataError, DeviceError
 from vrbench.plugin.manager import Plugins
-from vrbench.results.bundle import Bundle, file_digest
+from vrbench.results.bundle import Bundle
+from vrbench.results.files import file_digest
 from vrbench.runner import record_suite
 
 

@@ -17,8 +17,9 @@ import pytest
 from tests.results.made_up import SUITE, made_up
 from vrbench.errors import ConfigError
 from vrbench.results.board import Board, Entry, notes
-from vrbench.results.bundle import Bundle, OcclusionRecord
+from vrbench.results.bundle import Bundle
 from vrbench.results.leaderboard import leaderboard
+from vrbench.results.record import OcclusionRecord
 from vrbench.results.tables import Row, read_rows, write_rows
 
 TABLE = "metrics/vrbench-1.csv"

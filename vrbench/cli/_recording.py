@@ -135,8 +135,9 @@ def record(asked: Asked) -> Bundle:
 
 def _show_what_is_there(folder: Path) -> None:
     """Where a run that didn't end well is, and how to go on with it."""
-    from vrbench.results.bundle import RECORD, Bundle
+    from vrbench.results.bundle import Bundle
     from vrbench.results.lock import locked
+    from vrbench.results.record import RECORD
 
     if (folder / RECORD).is_file():
         try:

@@ -40,7 +40,7 @@ def command(runs: tuple[Path, ...], protocol: str, form: str, output: Path | Non
     """
     from vrbench.cli._boards import show_boards
     from vrbench.results.board_formats import FORMATS, one_line
-    from vrbench.results.bundle import replace_text
+    from vrbench.results.files import replace_text
     from vrbench.results.leaderboard import leaderboard
 
     found = leaderboard(runs, protocol)

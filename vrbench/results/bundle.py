@@ -4,127 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-import platform
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
-from stat import S_ISDIR, S_ISREG
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
-
-from vrbench.config.suite import Suite
 from vrbench.config.yaml_file import validate
 from vrbench.errors import ConfigError, DataError
-from vrbench.motion.files import given
 from vrbench.recording.take import read_take
+from vrbench.results.files import file_digest, file_size, inside, replace_text
+from vrbench.results.record import RECORD, SCHEMA_VERSION, RunRecord, TakeRecord, utc_now
 from vrbench.streams import Columns
 
-SCHEMA_VERSION = 1
-RECORD = "run.json"
 # More than any run has; what others hand in isn't read beyond it.
 MAX_RECORD_BYTES = 16 << 20
 MAX_TABLE_BYTES = 256 << 20
 # While somebody records: see `vrbench.results.lock`.
 LOCK = "run.lock"
-
-
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class DeviceRecord(_Record):
-    """The headset that was measured, and how its poses were had."""
-
-    UNKNOWN: ClassVar[str] = "unknown"
-
-    headset: str
-    firmware: str = UNKNOWN
-    logger: str = UNKNOWN
-    logger_version: str = UNKNOWN
-    prediction: str = UNKNOWN
-
-
-class AccuracyRecord(_Record):
-    """How accurate a reference is over the motion's box, and who says so."""
-
-    metres: float
-    source: str
-
-
-class OcclusionRecord(_Record):
-    """The headset's cameras, name by id, and those that each level of the suite covers."""
-
-    cameras: dict[int, str]
-    levels: dict[str, list[int]]
-
-
-class TakeRecord(_Record):
-    """One take of the run."""
-
-    file: Annotated[str, StringConstraints(pattern=r"^takes/[^/\\]+$")]
-    sha256: str
-    case: str
-    condition: str = "default"
-    mount: int
-    repeat: int
-    role: Literal["calibration", "check", "scored"]
-    motion: str
-    motion_digest: str
-    speed: float = 1.0
-    stretch: float = 1.0
-    fraction: float = 1.0
-    repairs: list[str] = []
-    status: Literal["ok", "failed", "skipped"] = "ok"
-    reason: str = ""
-    # Of a calibration that an earlier run recorded: `run/take`.
-    origin: str = ""
-
-    @property
-    def name(self) -> str:
-        """What the take is called; that of one which failed stands in a `.mcap.part`."""
-        return Path(self.file).name.partition(".mcap")[0]
-
-
-class RunRecord(_Record):
-    """`run.json`: what was run, with what, and what came of it."""
-
-    schema_version: Literal[1] = 1
-    # incomplete: interrupted or crashed; failed: a device ended it. Both can be gone on with.
-    status: Literal["incomplete", "failed", "complete"] = "incomplete"
-    reason: str = ""
-    kind: Literal["recorded", "simulated", "imported"]
-    created: str
-    suite: dict[str, Any]
-    suite_digest: str
-    lab: str
-    sitting: str
-    device: DeviceRecord
-    references: list[str]
-    accuracy: dict[str, AccuracyRecord] = {}
-    occlusion: OcclusionRecord | None = None
-    seed: int | None = None
-    # One hash over the plans that a real robot carries out, and when the run was gone on with.
-    plans: str | None = None
-    resumed: list[str] = []
-    licence: str | None = None
-    consent: str | None = None
-    versions: dict[str, str]
-    files: dict[str, str] = {}
-    takes: list[TakeRecord] = []
-
-    @model_validator(mode="after")
-    def _permitted(self) -> RunRecord:
-        """A run that carries a person's motion says under which licence, and by what consent."""
-        if self.suite.get("mover") == "person" and self.kind != "simulated":
-            for name in ("licence", "consent"):
-                if not given(getattr(self, name)):
-                    raise ValueError(f"a run with a person's motion needs {name}")
-        return self
-
-    def resolved_suite(self) -> Suite:
-        """The suite as it was when the run was made."""
-        return validate(self.suite, Suite, RECORD)
 
 
 class Bundle:
@@ -143,13 +38,10 @@ class Bundle:
         """A new folder, marked incomplete, with the texts `inputs` by file name.
 
         Raises:
-            ConfigError: something is in the folder, or it can't be made.
+            ConfigError: something is in the folder.
         """
         require_new(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
+        folder.mkdir(parents=True, exist_ok=True)
         bundle = cls(folder, record)
         bundle._save()
         (folder / "takes").mkdir(exist_ok=True)
@@ -173,7 +65,7 @@ class Bundle:
         """
         path = inside(self.folder, name)
         try:
-            size = _file_size(path)
+            size = file_size(path)
             if size > MAX_TABLE_BYTES:
                 raise DataError(
                     f"{size} bytes", file=path, fix=f"a table has {MAX_TABLE_BYTES} at most"
@@ -214,7 +106,7 @@ class Bundle:
         """
         path = inside(folder, RECORD)
         try:
-            size = _file_size(path)
+            size = file_size(path)
             if size > MAX_RECORD_BYTES:
                 raise ConfigError(f"{size} bytes", file=path, fix=f"{MAX_RECORD_BYTES} at most")
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -279,32 +171,6 @@ class Bundle:
         replace_text(path, text)
 
 
-def inside(folder: Path, name: str) -> Path:
-    """The path of a file of a bundle.
-
-    Raises:
-        DataError: the name, or a link on the way, leads out of the bundle.
-    """
-    path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
-        raise DataError(
-            "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
-        )
-    return path
-
-
-def _file_size(path: Path) -> int:
-    """How many bytes a file has.
-
-    Raises:
-        DataError: a pipe or a device stands there, which could be read for ever.
-    """
-    found = path.stat()
-    if not (S_ISREG(found.st_mode) or S_ISDIR(found.st_mode)):
-        raise DataError("is no file", file=path, fix="a bundle holds files and folders only")
-    return found.st_size
-
-
 def require_new(folder: Path) -> None:
     """Refuses a folder that a new run can't have.
 
@@ -323,24 +189,6 @@ def require_new(folder: Path) -> None:
         )
 
 
-def replace_text(path: Path, text: str) -> None:
-    """Writes a file so that it is, at any moment, the old one or the new one."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
-
-
-def file_digest(path: Path) -> str:
-    """sha256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def utc_now() -> datetime:
-    """The time, to the second."""
-    return datetime.now(UTC).replace(microsecond=0)
-
-
 def default_folder(suite: str, device: str) -> Path:
     """`runs/<utc>-<suite>-<device>`; with -2, -3, ... where that is taken."""
     base = f"{utc_now():%Y%m%dT%H%M%SZ}-{suite}-{device}"
@@ -349,19 +197,3 @@ def default_folder(suite: str, device: str) -> Path:
         n += 1
         folder = Path("runs") / f"{base}-{n}"
     return folder
-
-
-def versions(plugins: Mapping[str, str]) -> dict[str, str]:
-    """Versions of Python and of what takes part in a result, by name."""
-    from importlib.metadata import version
-
-    import numpy
-    import scipy
-
-    return {
-        "python": platform.python_version(),
-        "numpy": numpy.__version__,
-        "scipy": scipy.__version__,
-        "mcap": version("mcap"),
-        **plugins,
-    }

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from vrbench.errors import DataError
 from vrbench.metrics.scored import ScoredTake
-from vrbench.results.bundle import TakeRecord, replace_text
+from vrbench.results.files import replace_text
+from vrbench.results.record import TakeRecord
 from vrbench.statistics.paired import by_phase
 from vrbench.statistics.uncertainty import error_vectors
 from vrbench.trajectory import NS

@@ -12,7 +12,6 @@ from vrbench.metrics.ape import at_samples
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.coverage import LATE_PERIODS
 from vrbench.metrics.scored import ScoredTake
-from vrbench.results.bundle import TakeRecord
 from vrbench.results.plot_data import (
     BySpeed,
     ErrorCurves,
@@ -23,6 +22,7 @@ from vrbench.results.plot_data import (
     TakeCurves,
     few,
 )
+from vrbench.results.record import TakeRecord
 from vrbench.results.spectrum import spectrum
 from vrbench.statistics.uncertainty import error_vectors
 from vrbench.streams import Event

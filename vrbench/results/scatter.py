@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from vrbench.results.bundle import TakeRecord
+from vrbench.results.record import TakeRecord
 from vrbench.results.selection import select_bins
 from vrbench.results.standing import Sampled, Standing
 from vrbench.statistics.paired import Phases

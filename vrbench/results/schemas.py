@@ -13,7 +13,7 @@ from vrbench.config.case import Case, Condition
 from vrbench.config.recordings import OTHER_ROBOT, Recordings
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
-from vrbench.results.bundle import RunRecord
+from vrbench.results.record import RunRecord
 from vrbench.results.tables import Row
 
 # A field and its text, in the section of a docstring.

@@ -12,8 +12,8 @@ import numpy as np
 
 from vrbench.errors import DataError
 from vrbench.geometry import Floats, Ints
-from vrbench.results.bundle import TakeRecord
 from vrbench.results.phases import COLUMNS as PHASE_COLUMNS
+from vrbench.results.record import TakeRecord
 from vrbench.results.tables import COLUMNS, Row, rows_of
 
 Place = tuple[int, int]

@@ -13,7 +13,8 @@ from vrbench.config.schedule import DEFAULT
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError
 from vrbench.results.board import STATISTICS, BoardKey
-from vrbench.results.bundle import RECORD, Bundle, RunRecord, TakeRecord
+from vrbench.results.bundle import Bundle
+from vrbench.results.record import RECORD, RunRecord, TakeRecord
 from vrbench.results.selection import select_rows
 from vrbench.results.tables import STATUSES, Row
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from vrbench.config.suite import Suite
 from vrbench.geometry import quat_to_rotvec
-from vrbench.results.bundle import Bundle, replace_text
+from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, parse_calibrations
+from vrbench.results.files import replace_text
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.plot_data import curves_file, parse_curves
 from vrbench.results.report.pages import json_text, render

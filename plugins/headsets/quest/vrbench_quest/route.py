@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import secrets
 import sys
 import time
@@ -10,11 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from vrbench.devices.link import Link
+from vrbench.devices.listening import Listening, Place
 from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns
@@ -29,23 +29,10 @@ LOOK_S = 0.02
 ACTIVITY = "com.unity3d.player.UnityPlayerActivity"
 
 
-def _place(text: str) -> str:
-    host, _, port = text.rpartition(":")
-    try:
-        ipaddress.ip_address(host.strip("[]"))
-    except ValueError:
-        raise ValueError("an address of this PC and a port, as 192.168.1.5:9750") from None
-    if not port.isdigit() or int(port) > 65535:
-        raise ValueError("an address of this PC and a port, as 192.168.1.5:9750")
-    return text
-
-
-class Options(BaseModel):
+class Options(Listening):
     """Where the logger's poses arrive, and what the cable is used for."""
 
-    model_config = ConfigDict(extra="forbid")
-
-    listen: Annotated[str, AfterValidator(_place)] = Field(
+    listen: Place = Field(
         "127.0.0.1:9750", description="address of this PC that the headset sends to; port 0: any"
     )
     token: str | None = Field(
@@ -67,16 +54,6 @@ class Options(BaseModel):
     )
     wait_s: float = Field(120.0, ge=0, description="how long to wait for the logger [s]")
     quiet: bool = Field(False, description="print nothing")
-
-    @property
-    def host(self) -> str:
-        """The address to listen at."""
-        return self.listen.rpartition(":")[0].strip("[]")
-
-    @property
-    def port(self) -> int:
-        """The port to listen at; 0 is any free one."""
-        return int(self.listen.rpartition(":")[2])
 
 
 class QuestLogger:

@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-import ipaddress
 from pathlib import Path
-from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import Field
 
-
-def _place(text: str) -> str:
-    host, _, port = text.rpartition(":")
-    try:
-        ipaddress.ip_address(host.strip("[]"))
-    except ValueError:
-        if host != "localhost":
-            raise ValueError("an address of this PC and a port, as 192.168.1.5:8765") from None
-    if not port.isdigit() or int(port) > 65535:
-        raise ValueError("an address of this PC and a port, as 192.168.1.5:8765")
-    return text
+from vrbench.devices.listening import Listening, Place
 
 
-class Options(BaseModel):
+class Options(Listening):
     """How the headset's browser reaches the recorder."""
 
-    model_config = ConfigDict(extra="forbid")
-
-    listen: Annotated[str, AfterValidator(_place)] = Field(
+    listen: Place = Field(
         "127.0.0.1:8765",
         description="where the page is served; with the loopback address, the headset comes by"
         " `adb reverse`; port 0 takes a free one",
@@ -51,21 +37,6 @@ class Options(BaseModel):
         300.0, ge=0, description="how long the first take waits for a session [s]"
     )
     quiet: bool = Field(False, description="print no address")
-
-    @property
-    def host(self) -> str:
-        """The address to listen at."""
-        return self.listen.rpartition(":")[0].strip("[]")
-
-    @property
-    def port(self) -> int:
-        """The port to listen at; 0 is any free one."""
-        return int(self.listen.rpartition(":")[2])
-
-    @property
-    def loopback(self) -> bool:
-        """Whether only this PC reaches it."""
-        return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
 
     @property
     def https(self) -> bool:
