@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vrbench.estimation.blocks import block_covariance, block_length
-from vrbench.geometry import Floats, Ints, Transform, quat_multiply, rotvec_to_quat
+from vrbench.geometry import Floats, Ints, Transform, cross, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
@@ -143,7 +143,7 @@ def _turn(at: Compared, noise: Floats, bins: Ints) -> tuple[float, float]:
     """
     arm = at.estimate.p - at.estimate.p.mean(axis=0)
     inertia = np.sum(arm * arm) * np.eye(3) - arm.T @ arm
-    scores = np.cross(arm, noise)
+    scores = cross(arm, noise)
     sums: Floats = np.stack([np.bincount(bins, column) for column in scores.T], 1).astype(float)
     covariance, length = block_covariance(np.linalg.inv(inertia), sums)
     return float(np.degrees(np.degrees(np.trace(covariance)))), len(sums) / length
