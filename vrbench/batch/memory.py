@@ -54,8 +54,8 @@ def available_bytes() -> float | None:
     return min(found, default=None)
 
 
-def _gb(size: float) -> str:
-    return f"{size / 1e9:.1f} GB"
+def _told(size: float) -> str:
+    return f"{size / 1e9:.1f} GB" if size >= 1e10 else f"{size / 1e6:.0f} MB"
 
 
 def check_memory(bundle: Bundle) -> None:
@@ -67,7 +67,7 @@ def check_memory(bundle: Bundle) -> None:
     need, free = needed_bytes(bundle), available_bytes()
     if free is not None and need > free:
         raise DataError(
-            f"its evaluation takes about {_gb(need)} of memory, {_gb(free)} are free",
+            f"its evaluation takes about {_told(need)} of memory, {_told(free)} are free",
             file=bundle.folder,
             fix="free some, or evaluate it on a larger computer",
         )
@@ -92,8 +92,8 @@ def check_memory_of_all(runs: Sequence[str], jobs: int) -> None:
     if sum(needs[:jobs]) > free:
         fitting = next(n for n in range(jobs, 0, -1) if sum(needs[:n]) <= free)
         raise ConfigError(
-            f"{jobs} of these runs at a time take about {_gb(sum(needs[:jobs]))} of memory, "
-            f"{_gb(free)} are free",
+            f"{jobs} of these runs at a time take about {_told(sum(needs[:jobs]))} of memory, "
+            f"{_told(free)} are free",
             field="--jobs",
             fix=f"{fitting} at most",
         )
