@@ -38,6 +38,7 @@ ORDER = (
         "runner",
         "importing",
         "rules",
+        "family_rows",
         "scoring",
         "variants",
         "loops",
