@@ -39,6 +39,7 @@ ORDER = (
         "importing",
         "rules",
         "preparing",
+        "family_rows",
         "scoring",
         "variants",
         "loops",
