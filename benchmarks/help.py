@@ -1,18 +1,16 @@
 """How long `vrbench --help` takes with 50 plugins installed: CPU time and wall time [ms].
 
-python benchmarks/help.py
+python -m benchmarks.help
 """
 
 from __future__ import annotations
 
-import os
-import resource
 import statistics
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
+
+from benchmarks.measure import run
 
 PLUGINS, TIMES = 50, 15
 CODE = """
@@ -41,14 +39,9 @@ def install(folder: Path) -> None:
 
 def measured(environment: dict[str, str], *command: str) -> tuple[float, float]:
     """Medians of CPU and wall time of a command [ms]."""
-    cpu, wall = [], []
-    for _ in range(TIMES):
-        before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        wall.append(1e3 * (time.perf_counter() - begin))
-        cpu.append(1e3 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
-    return statistics.median(cpu), statistics.median(wall)
+    used = [run(command, environment=environment) for _ in range(TIMES)]
+    median = statistics.median
+    return 1e3 * median(one.cpu_s for one in used), 1e3 * median(one.wall_s for one in used)
 
 
 def main() -> None:
@@ -56,7 +49,7 @@ def main() -> None:
     vrbench = str(Path(sys.executable).with_name("vrbench"))
     with tempfile.TemporaryDirectory() as folder:
         install(Path(folder))
-        environment = {**os.environ, "PYTHONPATH": folder}
+        environment = {"PYTHONPATH": folder}
         print(f"{PLUGINS} plugins, medians of {TIMES}     CPU ms   wall ms")
         for name, command in {
             "python -c pass": (sys.executable, "-c", "pass"),

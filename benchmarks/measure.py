@@ -12,6 +12,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -28,11 +29,13 @@ class Used:
     Attributes:
         cpu_s: CPU time, of all its threads, by user and system [s]; of the work alone where the
             process told it.
+        wall_s: by the clock on the wall [s].
         peak_mb: the most memory it held at once [MB].
         told: what its last line said, if that was JSON.
     """
 
     cpu_s: float
+    wall_s: float
     peak_mb: float
     told: Mapping[str, float]
 
@@ -48,11 +51,13 @@ def run(command: Sequence[str], *, environment: Mapping[str, str] | None = None)
         FailedError: it ended with an error.
     """
     with tempfile.TemporaryFile() as said, tempfile.TemporaryFile() as wrong:
+        began = time.perf_counter()
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=said, stderr=wrong, cwd=ROOT,
             env={**os.environ, **(environment or {})},
         )  # fmt: skip
         _, status, usage = os.wait4(process.pid, 0)
+        wall_s = time.perf_counter() - began
         process.returncode = os.waitstatus_to_exitcode(status)
         said.seek(0), wrong.seek(0)
         lines = said.read().decode(errors="replace").strip().splitlines()
@@ -64,7 +69,7 @@ def run(command: Sequence[str], *, environment: Mapping[str, str] | None = None)
         told = json.loads(lines[-1])
     cpu = told.get("cpu_s", usage.ru_utime + usage.ru_stime)
     unit = 1 if sys.platform == "darwin" else 1024
-    return Used(cpu, usage.ru_maxrss * unit / 1e6, told)
+    return Used(cpu, wall_s, usage.ru_maxrss * unit / 1e6, told)
 
 
 def work(name: str, *words: object) -> list[str]:

@@ -5,9 +5,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
+from vrbench import geometry
 from vrbench.geometry import (
     Transform,
     continuous_signs,
+    cross,
     matrix_to_quat,
     mean_rotation,
     quat_angle,
@@ -277,3 +279,35 @@ def test_up_and_right_stay_and_ahead_is_minus_z():
     converted = unity_to_openxr(Transform.of([1, 2, 3], [0, 0, 0, 1]))
     np.testing.assert_array_equal(converted.p, [1, 2, -3])
     np.testing.assert_allclose(np.linalg.det(converted.matrix()[:3, :3]), 1.0)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_blocks_give_the_same_bits_as_rows_one_by_one(monkeypatch, single: bool) -> None:
+    rng = np.random.default_rng(4)
+    a, b = random_quaternions(23, 1), random_quaternions(23, 2)
+    v, u = rng.normal(size=(23, 3)), rng.uniform(size=23)
+    if single:
+        a = a[0]
+    calls = [
+        lambda: quat_multiply(a, b),
+        lambda: quat_rotate(a, v),
+        lambda: relative_angle(a, b),
+        lambda: slerp(a, b, u),
+        lambda: slerp(a, b, 0.3),
+        lambda: quat_to_rotvec(b),
+        lambda: rotvec_to_quat(v),
+        lambda: quat_to_matrix(b),
+        lambda: cross(a[..., :3], v),
+        lambda: (Transform(v, b) @ Transform(v[0], b[0])).p,
+        lambda: quat_multiply(b[:, None], b[None]),
+    ]
+    whole = [call() for call in calls]
+    monkeypatch.setattr(geometry, "BLOCK", 5)
+    for call, expected in zip(calls, whole, strict=True):
+        np.testing.assert_array_equal(call(), expected, strict=True)
+
+
+def test_the_cross_product_is_numpy_s() -> None:
+    a, b = np.random.default_rng(5).normal(size=(2, 50, 3))
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
+    np.testing.assert_array_equal(cross(a[0], b), np.cross(a[0], b))

@@ -103,8 +103,29 @@ def test_statistics_are_evo_s_to_the_digit(pair, said, tmp_path, ours, theirs) -
     assert statistics(done.stdout) == statistics(said[tuple(theirs)])
 
 
+def test_all_gives_the_whole_set_that_single_calls_give(pair, tmp_path) -> None:
+    deltas = ("1 frame", "0.5 m")
+    words = [word for delta in deltas for word in ("--rpe", delta)]
+    done = vrbench("ape", *pair, "--align", "--all", *words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    single = [
+        vrbench("ape", *pair, "--align", *which, *part, cwd=tmp_path).stdout
+        for which in ([], *(["--rpe", delta] for delta in deltas))
+        for part in ([], ["--rotation"])
+    ]
+    assert done.stdout.count("w.r.t.") == len(single)
+    assert statistics(done.stdout) == [line for text in single for line in statistics(text)]
+    for text in single:
+        assert text.split("\n", 1)[1].split("\n\n")[0] in done.stdout
+    refused = vrbench("ape", *pair, "--all", "--rotation", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "--all is in m and in deg" in refused.stderr
+
+
 @needs_evo
-@pytest.mark.parametrize("words", [[], ["--align", "--rotation"], ["--rpe", "10 deg", "--align"]])
+@pytest.mark.parametrize(
+    "words", [["--all"], ["--align", "--rotation"], ["--rpe", "10 deg", "--align"]]
+)
 @pytest.mark.parametrize("kind", ["tum", "mcap", "both"])
 def test_cross_check_runs_evo_on_the_same_poses(pair, run, tmp_path, words, kind) -> None:
     take = run / "takes" / "replay.default.m1.r1.mcap"

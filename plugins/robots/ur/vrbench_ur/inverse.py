@@ -14,6 +14,8 @@ from vrbench_ur.arms import Dh
 from vrbench_ur.kinematics import flange, jacobian
 
 BRANCHES = 8
+# Poses solved at a time: what lies between stays in the processor's cache.
+BLOCK = 2048
 # Rounding may carry a cosine this far past 1 at the edge of reach.
 EDGE = 1e-12
 # sin(q5) below which axes 4 and 6 count as one line and q6 is free.
@@ -41,6 +43,8 @@ def solve(pose: Transform, dh: Dh) -> Floats:
     NaN where a posture doesn't reach the pose. `dh` must be nominal: a calibrated arm's middle axes
     aren't parallel, see `refine`. Where q5 is 0 or pi, q6 is set to 0, one choice of many.
     """
+    if pose.p.ndim == 2 and len(pose) > BLOCK:
+        return np.concatenate([solve(pose[k : k + BLOCK], dh) for k in range(0, len(pose), BLOCK)])
     m = pose.matrix()
     d4, d5, d6 = dh.d[3], dh.d[4], dh.d[5]
     a2, a3 = dh.a[1], dh.a[2]
