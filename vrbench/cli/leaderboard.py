@@ -40,8 +40,8 @@ def command(runs: tuple[Path, ...], protocol: str, form: str, output: Path | Non
     """
     from vrbench.cli._boards import show_boards
     from vrbench.results.board_formats import FORMATS, one_line
-    from vrbench.results.files import replace_text
     from vrbench.results.leaderboard import leaderboard
+    from vrbench.text_file import replace_text
 
     found = leaderboard(runs, protocol)
     if not found.boards:

@@ -1,4 +1,4 @@
-"""Files of a bundle: that they lie in it, what they hold, how they are written."""
+"""Files of a bundle: that they lie in it, and what they hold."""
 
 from __future__ import annotations
 
@@ -33,13 +33,6 @@ def file_size(path: Path) -> int:
     if not (S_ISREG(found.st_mode) or S_ISDIR(found.st_mode)):
         raise DataError("is no file", file=path, fix="a bundle holds files and folders only")
     return found.st_size
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Writes a file so that it is, at any moment, the old one or the new one."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
 
 
 def file_digest(path: Path) -> str:

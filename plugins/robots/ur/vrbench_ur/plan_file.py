@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.results.files import replace_text
+from vrbench.text_file import replace_text
 from vrbench_ur.picture import svg
 from vrbench_ur.plan import UrPlan, as_json, plan_hash
 from vrbench_ur.planner import Planner
