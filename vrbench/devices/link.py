@@ -225,11 +225,6 @@ class Link:
             self._give_up(t, "the connection ended before the clock could tell their times")
             self._gathering.finish(t)
 
-    def mark(self, t: int, name: str) -> None:
-        """A mark of the person at the PC."""
-        with self._lock:
-            self._gathering.tell(t, "mark", {"name": name})
-
     def tell(self, t: int, kind: str, detail: Mapping[str, Any]) -> None:
         """An event that the route knows of."""
         with self._lock:
