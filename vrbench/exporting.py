@@ -55,17 +55,13 @@ def export(
     if form == "parquet":
         table = f"metrics/{protocol.name}.csv"
         rows = parse_rows(bundle.content(table), bundle.folder / table)
-        return samples.write_parquet(list(parts), rows, folder)
+        return samples.write_parquet(parts, rows, folder, complain)
     written: list[Path] = []
     for part in parts:
         try:
-            files = WRITERS[form](part, folder)
+            written += WRITERS[form](part, folder)
         except EstimationError as error:
             complain(f"{part.stem}: {error}")
-            continue
-        if not files:
-            complain(f"{part.stem}: X is unknown, so no errors can be had")
-        written += files
     if not written:
         raise DataError("nothing can be exported", file=bundle.folder)
     return written

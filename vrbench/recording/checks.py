@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +84,7 @@ def with_invalid(imported: Imported, t: Ints) -> Imported:
     nothing = Transform(np.zeros((len(t), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
     both = Samples.concatenate([imported.samples, Samples.of(t, nothing, flags=0)])
     order = np.argsort(both.pose_t, kind="stable")
-    return Imported(both[order], imported.repairs)
+    return replace(imported, samples=both[order])
 
 
 def checked_poses(p: Floats, q: Floats, *, file: Path, row: str = "pose") -> Transform:

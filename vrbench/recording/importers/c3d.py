@@ -65,7 +65,7 @@ def read(path: Path, options: Options) -> Imported:
     seen = body.seen
     pose: Transform = body.pose[seen]
     found = imported_poses(t[seen], pose.p, pose.q, file=path, row="seen frame", repairs=assumed)
-    return replace(with_invalid(found, t[~seen]), markers=body.shape)
+    return with_invalid(replace(found, markers=body.shape), t[~seen])
 
 
 def _load(path: Path) -> Any:
