@@ -20,12 +20,11 @@ PROTOCOL = "vrbench-1"
 def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) -> list[Row]:
     """Evaluates a run by a protocol."""
     from vrbench.evaluation import evaluate
-    from vrbench.plugin.manager import Plugins, families_of, pick
-    from vrbench.protocols.registry import builtin_protocols
+    from vrbench.plugin.manager import Plugins, families_of
+    from vrbench.protocols.registry import find_protocol
 
     plugins = plugins or Plugins()
-    protocols = {found.name: found for found in builtin_protocols()}
-    chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
+    chosen = find_protocol(protocol)
     suite = bundle.record.resolved_suite()
     families = chosen.families or families_of(suite, plugins, str(bundle.folder))
     with bar(f"evaluate {bundle.folder.name}") as tell:
@@ -46,7 +45,7 @@ def report_run(bundle: Bundle, protocol: str) -> None:
 
 
 def show_runs(bundles: Sequence[Bundle]) -> None:
-    """Says where bundles are, and what to do next."""
+    """Says where bundles are."""
     for bundle in bundles:
         click.echo(f"run: {bundle.folder}")
 
