@@ -44,6 +44,7 @@ ORDER = (
         "crosscheck",
         "evaluation",
         "verification",
+        "batch",
     ),
     "exporting",
     "extraction",

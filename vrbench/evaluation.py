@@ -14,6 +14,7 @@ from vrbench.metrics.registry import Family
 from vrbench.protocols.body import Shapes, body_shapes, usable
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import Protocol
+from vrbench.recording.interrupt import Interrupt
 from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, write_calibrations
 from vrbench.results.phases import PhaseRow, phase_rows, write_phases
@@ -88,13 +89,15 @@ def evaluate(
             rows += _pooled(rules, group)
         rows += baseline_rows(rules, groups, phases)
     table, by_phase = f"metrics/{protocol.name}.csv", f"metrics/{protocol.name}.phase.csv"
-    write_rows(rows, bundle.folder / table)
-    write_phases(phases, bundle.folder / by_phase)
-    write_curves(curves, protocol.name, bundle.folder / curves_file(protocol.name))
-    bundle.enter(table, by_phase, curves_file(protocol.name))
-    if protocol.calibrate is not None:
-        write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
-        bundle.enter(CALIBRATIONS)
+    # tables and the digests that run.json has of them go together
+    with Interrupt():
+        write_rows(rows, bundle.folder / table)
+        write_phases(phases, bundle.folder / by_phase)
+        write_curves(curves, protocol.name, bundle.folder / curves_file(protocol.name))
+        if protocol.calibrate is not None:
+            write_calibrations(bundle.folder / CALIBRATIONS, protocol.name, found)
+        written = [table, by_phase, curves_file(protocol.name)]
+        bundle.enter(*written, *([] if protocol.calibrate is None else [CALIBRATIONS]))
     return rows
 
 

@@ -8,5 +8,9 @@ from pathlib import Path
 def replace_text(path: Path, text: str) -> None:
     """Writes a file so that it is, at any moment, the old one or the new one."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

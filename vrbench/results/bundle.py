@@ -39,13 +39,10 @@ class Bundle:
         """A new folder, marked incomplete, with the texts `inputs` by file name.
 
         Raises:
-            ConfigError: something is in the folder, or it can't be made.
+            ConfigError: something is in the folder.
         """
         require_new(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
+        folder.mkdir(parents=True, exist_ok=True)
         bundle = cls(folder, record)
         bundle._save()
         (folder / "takes").mkdir(exist_ok=True)
