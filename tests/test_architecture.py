@@ -57,7 +57,7 @@ EVALUATE = {"estimation", "metrics", "statistics", "protocols"}
 HOME = {
     "pluggy": "plugin",
     "mcap": "recording",
-    "cv2": "estimation",
+    "cv2": "nowhere: tests compare with it",
     "rosbags": "recording",
     "pooch": "recording",
     "requests": "recording",

@@ -283,18 +283,3 @@ CONVENTIONS = {"openxr": OPENXR, "unity": UNITY, "unreal": UNREAL, "ros": ROS}
 def unity_to_openxr(pose: Transform) -> Transform:
     """Maps to p = (x, y, -z), q = (-x, -y, z, w)."""
     return UNITY.to_openxr(pose)
-
-
-def unreal_to_openxr(pose: Transform) -> Transform:
-    """Maps to p = (Y, Z, -X) / 100, q = (-y, -z, x, w)."""
-    return UNREAL.to_openxr(pose)
-
-
-def openxr_to_ros(pose: Transform) -> Transform:
-    """Maps to p = (-z, -x, y), q = (-z, -x, y, w)."""
-    return ROS.from_openxr(pose)
-
-
-def unity_to_ros(pose: Transform) -> Transform:
-    """Maps to p = (z, -x, y), q = (-z, x, -y, w)."""
-    return ROS.from_openxr(UNITY.to_openxr(pose))

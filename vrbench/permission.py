@@ -21,6 +21,8 @@ from vrbench.opening import chosen_device, is_simulated
 from vrbench.plugin.manager import Plugins
 
 Progress = Callable[[str, float], None]
+# Asks a person about these plans of a robot, and grants them.
+Ask = Callable[[str, list[str], Permit], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Permission:
     """
 
     planned: Planned
-    ask: Callable[[str, list[str], Permit], None] = confirm
+    ask: Ask
 
     def again(self, permit: Permit) -> None:
         """Asks, at the start, at `--resume`, and after every prompt that sent people to the robot.
@@ -114,11 +116,11 @@ def plan_suite(
     return Planned(f"{spec.name} at {where}" if where else spec.name, plans, planner)
 
 
-def permission(planned: Planned, execute: str | None) -> Permission:
-    """Leave to ask for, where `--execute` names these plans.
+def permission(planned: Planned, execute: str | None, ask: Ask = confirm) -> Permission:
+    """Leave to ask for with `ask`, where `--execute` names these plans.
 
     Raises:
         ConfigError: it names none, which makes this a dry run, or others.
     """
     require(execute, planned.hashes)
-    return Permission(planned)
+    return Permission(planned, ask)

@@ -164,10 +164,6 @@ def _show_compared(rows: Sequence[Row]) -> None:
         show_table("Against the baseline", header, lines)
 
 
-def _state(row: Row) -> str:
-    return row.status if row.status == "ok" else f"{row.status}: {row.reason}"
-
-
 def number_text(value: float | None) -> str:
     """Four significant digits, without exponents where people don't expect them."""
     if value is None:

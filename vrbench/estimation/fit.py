@@ -21,9 +21,7 @@ from vrbench.geometry import (
     Floats,
     Ints,
     Transform,
-    quat_multiply,
     quat_rotate,
-    rotvec_to_quat,
 )
 from vrbench.trajectory import NS, Trajectory
 
@@ -85,19 +83,6 @@ class Fit:
         """The standard deviation of one free parameter."""
         index = self.names.index(name)
         return float(np.sqrt(self.covariance[index, index]))
-
-    def draw_x(self, rng: np.random.Generator, count: int) -> Transform:
-        """X redrawn (count,) from its covariance, for bootstraps.
-
-        Raises:
-            ValueError: X was not free.
-        """
-        if "x.rx" not in self.names:
-            raise ValueError("X was not fitted here, so it has no covariance")
-        first = self.names.index("x.rx")
-        part = self.covariance[first : first + 6, first : first + 6]
-        d = rng.multivariate_normal(np.zeros(6), part, size=count, method="eigh")
-        return Transform(self.x.p + d[:, 3:], quat_multiply(self.x.q, rotvec_to_quat(d[:, :3])))
 
 
 def fit(

@@ -127,7 +127,7 @@ def pairs(m: Floats, delta: Delta) -> Pairs:
     elif delta.unit == "m":
         if delta.all_pairs:
             tolerance = delta.value * TOLERANCE
-            found = pairs_by_path(m[:, :3, 3], delta.value, tolerance, all_pairs=True)
+            found = pairs_by_path(m[:, :3, 3], delta.value, tolerance)
         else:
             found = end_to_end(steps(m), delta.value)
     else:
