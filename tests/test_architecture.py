@@ -13,7 +13,16 @@ PACKAGE = Path(__file__).parents[1] / "vrbench"
 
 # From the ground up, as DESIGN's "The house" lists it; the later may import the earlier.
 ORDER = (
-    *("errors", "geometry", "number_text", "text_file", "trajectory", "clocks", "streams"),
+    *(
+        "errors",
+        "digits",
+        "geometry",
+        "number_text",
+        "text_file",
+        "trajectory",
+        "clocks",
+        "streams",
+    ),
     "motion",
     *("estimation", "metrics"),
     "statistics",

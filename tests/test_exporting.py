@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.exporting import FORMATS, export
+from vrbench.exporting import export
 from vrbench.metrics.as_evo import Question, compare
 from vrbench.metrics.compared import NO_X
 from vrbench.protocols.vrbench_1 import PROTOCOL
 from vrbench.results.bundle import Bundle
+from vrbench.results.export import FORMATS
 from vrbench.results.export.evo import statistics
 from vrbench.results.export.part import plain
 from vrbench.results.tables import COLUMNS, read_rows

@@ -9,8 +9,9 @@ from pathlib import Path
 import click
 
 from vrbench.cli._tables import console, show_table
+from vrbench.digits import significant
 from vrbench.results.board import Board, Entry, notes
-from vrbench.results.board_formats import one_line, significant
+from vrbench.results.board_formats import one_line
 from vrbench.results.comparison import Comparison
 
 # From this width on there is room for all columns.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-FORMATS = ("tum", "evo", "csv", "parquet", "foxglove")
+from vrbench.results.export import FORMATS
 
 
 @click.command(

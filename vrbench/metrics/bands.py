@@ -6,12 +6,11 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.geometry import Floats, Ints
-from vrbench.trajectory import NS
+from vrbench.trajectory import MAX_GAP_PERIODS, NS
 
 SPLIT_HZ = 2.0
 # Two seconds of Hann-windowed sinc: the transition is about 1.5 Hz wide, -6 dB at the split.
 KERNEL_S = 2.0
-MAX_GAP_PERIODS = 2.5
 
 
 def slow_part(t: Ints, error: Floats) -> Floats:

@@ -30,7 +30,7 @@ from pydantic import (
 )
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.geometry import Transform, relative_angle
+from vrbench.geometry import Z_UP, Transform, relative_angle
 from vrbench.motion.motion import Motion, relative_to_first
 from vrbench.text_file import replace_text
 from vrbench.trajectory import NS, Trajectory, checked_trajectory, read_tum, tum_text
@@ -122,7 +122,7 @@ def _checked(header: Header, rows: Trajectory, path: Path) -> Motion:
     _check_size(rows, path)
     _check_steps(rows, path)
     if header.up == "z":
-        rows = rows.mapped(_y_up)
+        rows = rows.mapped(Z_UP.to_openxr)
     title = ", ".join(x for x in (header.motion, header.game, header.posture) if x)
     return Motion(header.name, title, rows, header.source)
 
@@ -272,11 +272,3 @@ def resampled(trajectory: Trajectory, rate_hz: float, *, max_gap_s: float) -> Tr
     t = trajectory.t[0] + np.rint(np.arange(count) / rate_hz * NS).astype(np.int64)
     t = t[t <= trajectory.t[-1]]
     return Trajectory(t, trajectory.at(t))
-
-
-def _y_up(pose: Transform) -> Transform:
-    p, q = pose.p, pose.q
-    return Transform(
-        np.stack((p[..., 0], p[..., 2], -p[..., 1]), axis=-1),
-        np.stack((q[..., 0], q[..., 2], -q[..., 1], q[..., 3]), axis=-1),
-    )
