@@ -13,16 +13,8 @@ PACKAGE = Path(__file__).parents[1] / "vrbench"
 
 # From the ground up, as DESIGN's "The house" lists it; the later may import the earlier.
 ORDER = (
-    *(
-        "errors",
-        "digits",
-        "geometry",
-        "number_text",
-        "text_file",
-        "trajectory",
-        "clocks",
-        "streams",
-    ),
+    *("sources", "errors", "digits", "geometry", "number_text", "text_file"),
+    *("trajectory", "clocks", "streams"),
     "motion",
     *("estimation", "metrics"),
     "statistics",
@@ -31,6 +23,7 @@ ORDER = (
     *("devices", "recording"),
     "plugin",
     "results",
+    "cache",
     *(
         "opening",
         "permission",
@@ -70,6 +63,8 @@ HOME = {
     "rosbags": "recording",
     "pooch": "recording",
     "requests": "recording",
+    "distributed": "cli",
+    "fsspec": "batch",
 }
 NETWORK = {"socket", "socketserver", "asyncio", "http", "urllib", "ssl", "requests", "websockets"}
 

@@ -25,6 +25,8 @@ from vrbench.geometry import (
 from vrbench.number_text import read_plain
 
 NS = 1_000_000_000
+# Longer intervals than this many periods are missing samples, shorter ones are jitter.
+LATE_PERIODS = 1.5
 QUATERNION_TOLERANCE = 1e-2
 MAX_GAP_PERIODS = 2.5
 """Stamps further apart than so many usual steps have a gap between them."""

@@ -3,83 +3,17 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.batch.processes import TABLES, evaluator, gone, start, tables, until
 from vrbench.batch.unit import cores
 from vrbench.results.bundle import LOCK, Bundle
 from vrbench.results.lock import locked
 
-TABLES = ("metrics/vrbench-1.csv", "metrics/vrbench-1.phase.csv", "metrics/vrbench-1.plots.json")
 TWO = pytest.mark.skipif(cores() < 2, reason="needs two cores")
-
-
-def start(*words: str | Path, cwd: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "vrbench", *map(str, words)],
-        cwd=cwd,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def until(true: Callable[[], object]) -> None:
-    for _ in range(1200):
-        if true():
-            return
-        time.sleep(0.05)
-    pytest.fail("it never came")
-
-
-def evaluator(run: Path) -> int:
-    """Which process evaluates a run: waits until one does."""
-    found: list[int] = []
-
-    def there() -> bool:
-        try:
-            found.append(int((run / LOCK).read_text()))
-        except (OSError, ValueError):
-            return False
-        return True
-
-    until(there)
-    return found[-1]
-
-
-def gone(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return True
-    stat = Path(f"/proc/{pid}/stat")
-    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] == "Z"
-
-
-def tables(run: Path) -> list[bytes]:
-    return [(run / name).read_bytes() for name in (*TABLES, "calibration.json")]
-
-
-@pytest.fixture
-def two(run: Path) -> tuple[Path, Path]:
-    """A run, and a copy that was never evaluated, in one folder whose name has a space in it."""
-    folder = run.parent / "two runs"
-    folder.mkdir()
-    for name in ("a", "b"):
-        shutil.copytree(run, folder / name)
-    bundle = Bundle.open(folder / "b")
-    shutil.rmtree(folder / "b" / "metrics")
-    (folder / "b" / "calibration.json").unlink()
-    bundle.record.files = {n: d for n, d in bundle.record.files.items() if n.endswith(".yaml")}
-    bundle.finish()
-    return folder / "a", folder / "b"
 
 
 @TWO

@@ -103,6 +103,18 @@ def _signal(number: int) -> str:
         return str(number)
 
 
+def perform_apart(unit: Unit) -> Outcome:
+    """Has one unit done in a process of its own, which ends with it: what a cluster's worker does.
+
+    So it computes in one thread whatever its worker does, and other units beside it don't matter.
+    """
+    worker = Worker()
+    try:
+        return worker.perform(unit, lambda *_: None)
+    finally:
+        worker.stop()
+
+
 def perform_all(units: Sequence[Unit], jobs: int, watch: Watch) -> Iterator[Outcome]:
     """Has all units done, so many at a time; yields outcomes as they come.
 

@@ -21,19 +21,19 @@ class Watching:
     """
 
     def __init__(self, units: Sequence[Unit], tell: Callable[[str, float], None]) -> None:
-        self._parts = {unit.run: 0.0 for unit in units}
+        self._parts = {unit.name: 0.0 for unit in units}
         self._tell = tell
         self._ended = 0
         self._started = time.monotonic()
 
     def goes_on(self, unit: Unit, what: str, part: float) -> None:
         """A unit does something."""
-        self._parts[unit.run] = part
+        self._parts[unit.name] = part
         self._tell(f"{unit.name} {what}", self._part)
 
     def ended(self, outcome: Outcome) -> None:
         """A unit came to its end."""
-        self._parts[outcome.unit.run] = 1.0
+        self._parts[outcome.unit.name] = 1.0
         self._ended += 1
         self._tell(outcome.unit.name, self._part)
         if len(self._parts) > 1:

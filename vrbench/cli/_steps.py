@@ -19,10 +19,11 @@ PROTOCOL = "vrbench-1"
 def evaluate_run(bundle: Bundle, protocol: str) -> list[Row]:
     """Evaluates a run by a protocol, here and now."""
     from vrbench.batch.unit import evaluate_bundle
+    from vrbench.cache.store import Store
     from vrbench.results.lock import locked
 
     with bar(f"evaluate {bundle.folder.name}") as tell, locked(bundle.folder):
-        return evaluate_bundle(bundle, protocol, tell)
+        return evaluate_bundle(bundle, protocol, tell, store=Store.usual())
 
 
 def report_run(bundle: Bundle, protocol: str) -> None:

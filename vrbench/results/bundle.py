@@ -134,7 +134,11 @@ class Bundle:
         self._save()
 
     def columns(self, take: TakeRecord) -> Columns:
-        """A take's columns.
+        """A take's columns; raises what `sound` and `read_take` do."""
+        return read_take(self.sound(take))
+
+    def sound(self, take: TakeRecord) -> Path:
+        """Where a take is, after it was checked.
 
         Raises:
             DataError: the file is gone, or isn't the one that was recorded.
@@ -149,7 +153,7 @@ class Bundle:
                 field="sha256",
                 fix=f"{RECORD} says {take.sha256[:12]}...",
             )
-        return read_take(path)
+        return path
 
     def write_truth(self, take: str, truth: Mapping[str, Any]) -> None:
         """Keeps what a simulator knows beside the takes; there is no way to read it back here."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
@@ -16,7 +17,8 @@ def inside(folder: Path, name: str) -> Path:
         DataError: the name, or a link on the way, leads out of the bundle.
     """
     path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    if os.path.commonpath((real, root)) != root:
         raise DataError(
             "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
         )

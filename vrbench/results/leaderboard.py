@@ -12,6 +12,7 @@ from pathlib import Path
 from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.results.board import STATISTICS, Board, BoardKey, Entry, Leaderboard, LeftOut
 from vrbench.results.bundle import Bundle
+from vrbench.results.collection import without_collection
 from vrbench.results.published import Published, published, published_entries
 from vrbench.results.scatter import measured
 from vrbench.results.standing import Standing, baseline_of, is_change, standings
@@ -38,7 +39,7 @@ def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
             raise ConfigError("the run is given twice", file=folder)
         seen.add(where)
     # files are read and hashed beside each other; the rest is Python, one after the other
-    with ThreadPoolExecutor() as threads:
+    with without_collection(), ThreadPoolExecutor() as threads:
         for folder, found in zip(every, threads.map(partial(_read, protocol), every), strict=True):
             if isinstance(found, VrbenchError):
                 left_out.append(LeftOut(str(folder), found))
@@ -46,7 +47,9 @@ def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
             for standing in found:
                 by_key[standing.key].append(standing)
     printed = published()
-    return Leaderboard([_board(key, by_key[key], printed) for key in sorted(by_key)], left_out)
+    with without_collection():
+        boards = [_board(key, by_key[key], printed) for key in sorted(by_key)]
+    return Leaderboard(boards, left_out)
 
 
 def _read(protocol: str, folder: Path) -> Sequence[Standing] | VrbenchError:

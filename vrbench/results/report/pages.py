@@ -24,6 +24,8 @@ SCRIPTS = ("chart.js", "space.js", "figures.js", "tables.js")
 SCRIPT, STYLE = "vrbench.js", "vrbench.css"
 # A character that no text holds but to part texts.
 SEPARATOR = "\x1f"
+# What turns the direction of what stands beside it: a name in a page would rewrite its neighbours.
+TURNING = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
 POLICY = (
     "default-src 'none'; script-src {script}; style-src {style}; img-src data:; "
     "base-uri 'none'; form-action 'none'"
@@ -47,7 +49,10 @@ def render(template: str, *, shared: bool, **values: Any) -> str:
     else:
         policy = POLICY.format(script=_digest(script()), style=_digest(style()))
         values |= {"script": script(), "style": style()}
-    return _environment().get_template(template).render(policy=policy, **values)
+    page = _environment().get_template(template).render(policy=policy, **values)
+    for character in TURNING:
+        page = page.replace(character, "")
+    return page
 
 
 @cache
@@ -71,6 +76,11 @@ def number(value: float | None, digits: int = 4) -> str:
 def fixed(value: float | None, decimals: int) -> str:
     """A number of a column in which all have as many decimals; nothing for None."""
     return "" if value is None else f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def sentence(text: str) -> str:
+    """The text as a sentence begins; all else is left as it is, names too."""
+    return text[:1].upper() + text[1:]
 
 
 def three(value: float) -> str:
@@ -111,7 +121,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number=number, fixed=fixed, cells=cells)
+    environment.filters.update(number=number, fixed=fixed, cells=cells, sentence=sentence)
     return environment
 
 
