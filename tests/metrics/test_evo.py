@@ -108,7 +108,7 @@ def test_ape_is_evos(aligned):
 def test_rpe_is_evos(delta, unit, all_pairs):
     reference = head(5)
     estimate = noisy(reference, 6)
-    found = pairs(estimate.matrix(), Delta(delta, unit, all_pairs))
+    found = pairs(estimate, None, Delta(delta, unit, all_pairs))
     ours = errors.rpe(reference, estimate, found)
     for relation, error in zip(
         (metrics.PoseRelation.translation_part, metrics.PoseRelation.rotation_angle_rad),

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from vrbench.errors import ConfigError, DataError, VrbenchError
@@ -38,9 +36,9 @@ def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
         if where in seen:
             raise ConfigError("the run is given twice", file=folder)
         seen.add(where)
-    # files are read and hashed beside each other; the rest is Python, one after the other
-    with without_collection(), ThreadPoolExecutor() as threads:
-        for folder, found in zip(every, threads.map(partial(_read, protocol), every), strict=True):
+    with without_collection():
+        for folder in every:
+            found = _read(protocol, folder)
             if isinstance(found, VrbenchError):
                 left_out.append(LeftOut(str(folder), found))
                 continue
@@ -205,8 +203,7 @@ def _ranked(
     if len(sound) == 1:
         entry, _ = sound[0]
         return [replace(entry, rank=1, last_rank=1, ranked_among=(entry.lab,))]
-    with ThreadPoolExecutor() as threads:
-        numbers = list(threads.map(_measured, sound))
+    numbers = [measured(sittings, floor=entry.floor) for entry, sittings in sound]
     ranked = []
     entries = [entry for entry, _ in sound]
     differing = _differing_labs(entries, numbers)
@@ -219,11 +216,6 @@ def _ranked(
                 replace(entry, rank=best, last_rank=last, ranked_among=tuple(labs), reason=why)
             )
     return ranked
-
-
-def _measured(one: tuple[Entry, Sequence[Standing]]) -> Measured:
-    entry, sittings = one
-    return measured(sittings, floor=entry.floor)
 
 
 def _comparable_labs(entries: Sequence[Entry]) -> list[list[str]]:

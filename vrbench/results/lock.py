@@ -32,7 +32,7 @@ else:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Holds a run's folder; one that isn't there is made, and goes again if nothing came into it.
+    """Holds a run's folder; what has to be made for it goes again if nothing came into it.
 
     A lock file alone means nothing: what counts is whether a living process holds it, so that after
     a crash nobody has to remove anything.
@@ -40,7 +40,7 @@ def locked(folder: Path) -> Iterator[None]:
     Raises:
         ConfigError: another process is at work in it, or it can't be made.
     """
-    made = not folder.exists()
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -74,9 +74,9 @@ def locked(folder: Path) -> Iterator[None]:
         file.close()
         if sys.platform == "win32":
             path.unlink(missing_ok=True)
-        if made:
-            with suppress(OSError):  # it isn't empty: a run stands there
-                folder.rmdir()
+        with suppress(OSError):  # it isn't empty: a run stands there
+            for empty in made:
+                empty.rmdir()
 
 
 def _same(file: BinaryIO, path: Path) -> bool:

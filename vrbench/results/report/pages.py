@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 from vrbench.digits import significant
@@ -32,12 +33,13 @@ POLICY = (
 )
 
 
-def render(template: str, *, shared: bool, **values: Any) -> str:
+def render(template: str, *, shared: bool, curves: str = "", **values: Any) -> str:
     """A page.
 
     Args:
         template: its file.
         shared: whether script and style lie beside the page, or within it.
+        curves: JSON for the script, most of a page; the script itself minds what turns texts.
         values: what the template shows.
 
     Raises:
@@ -49,10 +51,11 @@ def render(template: str, *, shared: bool, **values: Any) -> str:
     else:
         policy = POLICY.format(script=_digest(script()), style=_digest(style()))
         values |= {"script": script(), "style": style()}
-    page = _environment().get_template(template).render(policy=policy, **values)
+    place = token_hex(16)
+    page = _environment().get_template(template).render(policy=policy, curves=place, **values)
     for character in TURNING:
         page = page.replace(character, "")
-    return page
+    return page.replace(place, curves)
 
 
 @cache

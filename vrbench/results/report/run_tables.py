@@ -74,14 +74,13 @@ def shown(lines: Sequence[list[str]], suite: Suite) -> list[list[str]]:
         for group, cells in zip(groups, lines, strict=True)
         if cells[REPEAT] == "all"
         or group not in pooled
-        or ((cells[METRIC], cells[POINT], cells[STATISTIC]) in wanted and cells[VARIANT] == "main")
+        or (cells[VARIANT] == "main" and NUMBER(cells) in wanted)
     ]
 
 
 GROUP = itemgetter(*(TABLE.index(name) for name in ("case", "condition", "reference", "metric")))
-REPEAT, METRIC, POINT, STATISTIC, VARIANT = (
-    TABLE.index(name) for name in ("repeat", "metric", "point", "statistic", "variant")
-)
+NUMBER = itemgetter(*(TABLE.index(name) for name in ("metric", "point", "statistic")))
+REPEAT, VARIANT = TABLE.index("repeat"), TABLE.index("variant")
 
 
 Numbers = Mapping[tuple[str, str, str], Row]

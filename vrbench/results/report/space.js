@@ -2,6 +2,7 @@
 "use strict";
 
 const CLASSES = 5;
+const BITS = 60;
 // Yaw and pitch (rad) of the views on offer: one from a corner, and three along an axis.
 const VIEWS = [
   ["corner", [-0.7, 0.45]],
@@ -100,18 +101,34 @@ class Space {
       return [width / 2 + u * scale, height / 2 - (c * cp + v * sp) * scale];
     };
     this.cage(box, flat, size, width);
-    const paths = Array.from({ length: CLASSES }, () => "");
+    this.bits = [];
+    // drawn bit by bit: in one go the largest errors of any pass would cover all that lies there
+    const bit = Math.ceil(xyz[0].length / BITS);
+    let paths = [];
     let before = null;
     for (let k = 0; k < xyz[0].length; k += 1) {
+      if (k % bit === 0) paths = this.bit();
       const p = xyz.map((column) => column[k]);
       if (p.includes(null)) { before = null; continue; }
       const here = flat(p).map((value) => value.toFixed(1)).join(" ");
       const error = this.spec.error ? this.spec.error[k] : null;
       const at = error === null ? 0 : Math.min(Math.floor((error / this.spec.top) * CLASSES), CLASSES - 1);
-      if (before !== null) paths[at] += `M${before}L${here}`;
+      if (before !== null) paths[at].d += `M${before}L${here}`;
       before = here;
     }
-    paths.forEach((d, k) => node("path", { d, class: `line ${this.spec.error ? `e${k}` : "s1"}` }, this.svg));
+    for (const { d, path } of this.bits) {
+      if (d) path.setAttribute("d", d);
+      else path.remove();
+    }
+  }
+
+  /** A path for each class, for a stretch of time. */
+  bit() {
+    const paths = Array.from({ length: CLASSES }, (_, k) => (
+      { d: "", path: node("path", { class: `line ${this.spec.error ? `e${k}` : "s1"}` }, this.svg) }
+    ));
+    this.bits.push(...paths);
+    return paths;
   }
 
   /** The box around the path, with the lengths of its sides. */
