@@ -39,6 +39,7 @@ ORDER = (
         "runner",
         "importing",
         "rules",
+        "family_rows",
         "scoring",
         "variants",
         "loops",

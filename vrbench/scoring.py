@@ -6,13 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import numpy as np
-
-from vrbench.cache.stages import family_code
 from vrbench.clocks import Skew
 from vrbench.errors import DataError, EstimationError
+from vrbench.family_rows import absent_values, family_rows
 from vrbench.geometry import Floats, Ints, Transform
-from vrbench.metrics.registry import Family, Value
+from vrbench.metrics.registry import Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Verdict, mean_skew, mean_x
 from vrbench.protocols.fixing import Fixing, fixing_at
@@ -281,52 +279,6 @@ def _pose_rows(
             failed = Verdict("failed", part) if isinstance(part, str) else verdict
             for value in absent_values([family]):
                 yield rules.row(take, replace(value, segment=segment), failed)
-
-
-def family_rows(
-    rules: Rules,
-    take: TakeRecord,
-    family: Family,
-    part: ScoredTake,
-    verdict: Verdict,
-    *,
-    kept_as: str | None = None,
-) -> list[Row]:
-    """A family's rows. One that fails, a plugin's perhaps, costs its own rows and no others.
-
-    `kept_as` says which part of the take this is, for what is computed once; None to compute it.
-    """
-    if family.of_take is None:
-        return []
-    try:
-        compute = partial(_values, family, part)
-        of = rules.reference, take.name, str(kept_as)
-        name, code = f"metric {family.name}", family_code(family)
-        once = kept_as is not None
-        values = rules.stages.kept(name, compute, *of, code=code) if once else compute()
-    except EstimationError as error:
-        verdict, values = Verdict("skipped", str(error)), list(absent_values([family]))
-    except Exception as error:
-        why = f"metric {family.name} failed: {type(error).__name__}: {error}"
-        verdict, values = Verdict("failed", why), list(absent_values([family]))
-    return [rules.row(take, value, verdict) for value in values]
-
-
-def _values(family: Family, part: ScoredTake) -> list[Value]:
-    assert family.of_take is not None
-    values = [replace(value, segment=part.segment) for value in family.of_take(part)]
-    odd = next((v for v in values if v.value is not None and not np.isfinite(v.value)), None)
-    if odd is not None:
-        raise ValueError(f"{odd.metric} {odd.statistic} is {odd.value}")
-    return values
-
-
-def absent_values(families: Sequence[Family]) -> Iterator[Value]:
-    """One value without a number for each metric, to carry the reason."""
-    for family in families:
-        if family.of_take is not None:
-            for metric, unit in family.units.items():
-                yield Value(metric, "value", None, unit, 0)
 
 
 def with_intervals(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import hashlib
 import sys
-import sysconfig
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -13,6 +12,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 NAME = PACKAGE.name
+# Where what is installed for good lies; Debian calls it otherwise.
+INSTALLED = {"site-packages", "dist-packages"}
 
 
 def vrbench_digest() -> str:
@@ -79,8 +80,7 @@ def _files_of(package: str, *, wanted: bool) -> list[Path]:
         return []
     assert spec.origin is not None
     file = Path(spec.origin)
-    installed = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
-    if not wanted and any(file.is_relative_to(place) for place in installed):
+    if not wanted and INSTALLED & set(file.parts):
         return []
     return list(_tree(file.parent, "*")) if spec.submodule_search_locations else [file]
 

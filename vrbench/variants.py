@@ -9,6 +9,7 @@ import numpy as np
 
 from vrbench.clocks import ClockMap
 from vrbench.errors import DataError, EstimationError
+from vrbench.family_rows import absent_values, family_rows
 from vrbench.geometry import Transform
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Calibration, Verdict
@@ -17,7 +18,7 @@ from vrbench.protocols.stretches import without
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
 from vrbench.rules import Rules
-from vrbench.scoring import Scored, absent_values, excluded, family_rows
+from vrbench.scoring import Scored, excluded
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -16,6 +17,10 @@ from vrbench.results.bundle import LOCK
 TABLES = ("metrics/vrbench-1.csv", "metrics/vrbench-1.phase.csv", "metrics/vrbench-1.plots.json")
 
 
+def _hear_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(*words: str | Path, cwd: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "vrbench", *map(str, words)],
@@ -23,6 +28,8 @@ def start(*words: str | Path, cwd: Path) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # tests that run in the background of a shell have inherited that Ctrl-C is ignored
+        preexec_fn=_hear_interrupts,
     )
 
 

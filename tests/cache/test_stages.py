@@ -16,6 +16,7 @@ import pytest
 
 from vrbench.cache.stages import EVALUATION, Stages, family_code
 from vrbench.cache.store import Store
+from vrbench.errors import DataError
 from vrbench.metrics.registry import Family, builtin_families
 from vrbench.metrics.scale import FAMILY as SCALE
 from vrbench.protocols.registry import builtin_protocols
@@ -153,7 +154,7 @@ def test_a_result_rests_on_all_that_its_run_says(run: Path, store: Store) -> Non
 def test_two_results_of_one_name_are_a_mistake(run: Path) -> None:
     stages = Stages()
     stages.kept("stage", lambda: 1, "take")
-    with pytest.raises(AssertionError, match="twice: stage"):
+    with pytest.raises(DataError, match="stage of take is asked for twice"):
         stages.kept("stage", lambda: 2, "take")
 
 

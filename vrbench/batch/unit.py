@@ -11,6 +11,7 @@ from pathlib import Path
 from platform import node
 
 from vrbench.batch.build import build, differences
+from vrbench.batch.memory import check_memory
 from vrbench.batch.places import at_hand, is_url
 from vrbench.cache.store import Store
 from vrbench.errors import ConfigError, DataError, VrbenchError
@@ -65,6 +66,7 @@ def perform(unit: Unit, tell: Tell, plugins: Plugins | None = None) -> Outcome:
             _check_takes(unit, folder)
             with locked(folder):
                 bundle = Bundle.open(folder)
+                check_memory(bundle)
                 store = Store.usual() if unit.cached else None
                 rows = evaluate_bundle(bundle, unit.protocol, tell, plugins, store)
         return Outcome(unit, rows)

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 
 from vrbench.cache.packing import UnpackableError, pack, unpack
 from vrbench.cache.store import Store
+from vrbench.errors import DataError
 from vrbench.metrics.registry import Family
 from vrbench.protocols.protocol import Protocol
 from vrbench.recording.take import read_take
@@ -89,9 +90,16 @@ class Stages:
             facts: which one of the stages of this name it is.
             code: digest of code that it uses beside evaluation's own; None where it has none.
             given: a part of the result that the caller has anyway.
+
+        Raises:
+            DataError: two results would have one name.
         """
         # two results of one name would be taken for each other
-        assert (stage, *facts) not in self._asked, f"twice: {stage} {facts}"
+        if (stage, *facts) in self._asked:
+            raise DataError(
+                f"{stage} of {' '.join(facts)} is asked for twice",
+                fix="a run lists each of its takes and references once",
+            )
         self._asked.add((stage, *facts))
         known = self._base is not None and code is not None
         key = _key(self._base, stage, facts, code) if known else None

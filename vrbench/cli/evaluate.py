@@ -47,6 +47,7 @@ def command(
     RUNS are folders, or URLs that fsspec opens. A run that fails doesn't stop the others; one that
     is named twice is evaluated once.
     """
+    from vrbench.batch.memory import check_memory_of_all
     from vrbench.batch.places import is_url
     from vrbench.batch.pool import perform_all
     from vrbench.batch.unit import Unit, check_jobs
@@ -71,6 +72,7 @@ def command(
         if scheduler is not None:
             outcomes = _by_cluster(units, scheduler, tls)
         elif jobs is not None:
+            check_memory_of_all([unit.run for unit in units], jobs)
             outcomes = perform_all(units, jobs, watching.goes_on)
         else:
             outcomes = _here(units, watching)

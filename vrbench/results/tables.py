@@ -164,7 +164,8 @@ def _row(cells: list[str]) -> Row:
         raise ValueError(f"status is {row.status!r}, none of {', '.join(STATUSES)}")
     if row.value is not None and row.value < 0.0 and _unsigned(row):
         raise ValueError(f"{row.metric} {row.statistic} is {row.value:g}, which can't be negative")
-    if row.unit == "%" and row.value is not None and not 0.0 <= row.value <= WHOLE:
+    share = row.unit == "%" and row.variant != DIFFERENCE
+    if share and row.value is not None and not 0.0 <= row.value <= WHOLE:
         raise ValueError(f"{row.metric} is {row.value:g} %")
     if row.ci_low is not None or row.ci_high is not None:
         _check_interval(row)
