@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.exporting import FORMATS, export
+from vrbench.exporting import export
 from vrbench.metrics.as_evo import Question, compare
+from vrbench.metrics.compared import NO_X
 from vrbench.protocols.vrbench_1 import PROTOCOL
 from vrbench.results.bundle import Bundle
+from vrbench.results.export import FORMATS
 from vrbench.results.export.evo import statistics
 from vrbench.results.export.part import plain
 from vrbench.results.tables import COLUMNS, read_rows
@@ -67,10 +69,23 @@ def test_a_take_without_x_is_exported_as_it_can_be(run, tmp_path):
     (run / "run.json").write_text(json.dumps(record))
     files = export(Bundle.open(run), "tum", PROTOCOL, tmp_path / "x", lambda *_: None, pytest.fail)
     assert [path.name for path in files] == [f"{STEM}.tcp.truth.tum", f"{STEM}.eye.estimate.tum"]
+    for form in ("evo", "csv"):
+        told = []
+        with pytest.raises(DataError, match="nothing can be exported"):
+            export(Bundle.open(run), form, PROTOCOL, tmp_path / form, lambda *_: None, told.append)
+        assert told == [f"{STEM}: {NO_X}"]
+
+
+def test_a_table_of_samples_tells_what_is_not_in_it(run, tmp_path):
+    pytest.importorskip("pyarrow", reason="pip install 'vrbench[parquet]'")
+    record = json.loads((run / "run.json").read_text())
+    record["takes"] = [take for take in record["takes"] if take["role"] == "scored"][:1]
+    (run / "run.json").write_text(json.dumps(record))
     told = []
-    with pytest.raises(DataError, match="nothing can be exported"):
-        export(Bundle.open(run), "evo", PROTOCOL, tmp_path / "y", lambda *_: None, told.append)
-    assert told == [f"{STEM}: X is unknown, so no errors can be had"]
+    bundle, folder = Bundle.open(run), tmp_path / "x"
+    files = export(bundle, "parquet", PROTOCOL, folder, lambda *_: None, told.append)
+    assert [path.name for path in files] == ["metrics.parquet"]
+    assert told == [f"{STEM}: {NO_X}"]
 
 
 def test_evo_reads_its_results_and_finds_the_same_numbers(exported, _run):

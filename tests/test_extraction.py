@@ -6,6 +6,7 @@ from click.testing import CliRunner
 
 from vrbench.cli._motion_extract import extract
 from vrbench.errors import ConfigError, VrbenchError
+from vrbench.extraction import find_take
 from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
 from vrbench.importing import import_recordings
 from vrbench.motion.files import read_motion
@@ -120,6 +121,16 @@ def test_a_persons_motion_without_permission_is_refused(capture, missing):
             Bundle.open(run.folder)
     finally:
         record.write_text(kept)
+
+
+def test_a_take_that_isnt_there_is_told(capture, tmp_path):
+    folder, run, _ = capture
+    with pytest.raises(ConfigError, match=r"--take: no take is called 'gone' \(there are calibra"):
+        find_take(run, "gone")
+    path = recordings(folder, [take("calibrate", "first")])
+    unscored = import_recordings(path, tmp_path / "run", Plugins(), lambda *_: None)
+    with pytest.raises(ConfigError, match=r"--take: no take is scored \(there are calibrate"):
+        find_take(unscored, None)
 
 
 def test_the_papers_head_motion_is_imported_and_extracted(tmp_path):

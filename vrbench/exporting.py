@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from vrbench.errors import ConfigError, DataError, EstimationError
+from vrbench.errors import DataError, EstimationError
 from vrbench.evaluation import Tell, calibrated
 from vrbench.preparing import prepared
 from vrbench.protocols.body import body_shapes, usable
@@ -15,6 +15,7 @@ from vrbench.results.bundle import Bundle
 from vrbench.results.export import evo, samples, tum
 from vrbench.results.export.layout import write_layout
 from vrbench.results.export.part import Part
+from vrbench.results.files import new_folder
 from vrbench.results.tables import parse_rows
 from vrbench.rules import Rules
 
@@ -23,7 +24,6 @@ WRITERS: dict[str, Callable[[Part, Path], list[Path]]] = {
     "evo": evo.write_part,
     "csv": samples.write_part,
 }
-FORMATS = (*WRITERS, "parquet", "foxglove")
 # Told of what is left out, and why.
 Complain = Callable[[str], None]
 
@@ -35,7 +35,7 @@ def export(
 
     Args:
         bundle: a complete run; an evaluated one for `parquet`, which takes the metrics along.
-        form: one of `FORMATS`.
+        form: one of `vrbench.results.export.FORMATS`.
         protocol: how takes are made ready.
         folder: a new or an empty one.
         tell: told of each take.
@@ -48,24 +48,20 @@ def export(
         ConfigError: the folder holds files, or a library is missing.
         DataError: a take is gone, altered or unreadable, or nothing could be exported.
     """
-    _make(folder)
+    new_folder(folder)
     if form == "foxglove":
         return [write_layout(_streams(bundle), folder)]
     parts = ready(bundle, protocol, tell, complain)
     if form == "parquet":
         table = f"metrics/{protocol.name}.csv"
         rows = parse_rows(bundle.content(table), bundle.folder / table)
-        return samples.write_parquet(list(parts), rows, folder)
+        return samples.write_parquet(parts, rows, folder, complain)
     written: list[Path] = []
     for part in parts:
         try:
-            files = WRITERS[form](part, folder)
+            written += WRITERS[form](part, folder)
         except EstimationError as error:
             complain(f"{part.stem}: {error}")
-            continue
-        if not files:
-            complain(f"{part.stem}: X is unknown, so no errors can be had")
-        written += files
     if not written:
         raise DataError("nothing can be exported", file=bundle.folder)
     return written
@@ -109,13 +105,3 @@ def _streams(bundle: Bundle) -> list[str]:
             streams |= dict.fromkeys(bundle.columns(take).poses)
     kept = [stream for stream in streams if not stream.endswith("/target")]
     return sorted(kept, key=lambda stream: (not stream.startswith("headset"), stream))
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        empty = not any(folder.iterdir())
-    except OSError as error:
-        raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
-    if not empty:
-        raise ConfigError("holds files already", file=folder, field="-o", fix="name a new folder")

@@ -72,13 +72,15 @@ def find_take(bundle: Bundle, name: str | None) -> TakeRecord:
     """The take of this name; without one the run's only scored take.
 
     Raises:
-        ConfigError: no such take, or several.
+        ConfigError: no such take, no scored one, or several.
     """
     takes = [take for take in bundle.record.takes if name in (take.name, take.case)]
     if name is None:
         takes = [take for take in bundle.record.takes if take.role == "scored"]
     if len(takes) != 1:
         there = ", ".join(take.name for take in bundle.record.takes)
-        what = f"no take is called {name!r}" if not takes else "several takes could be meant"
+        what = "several takes could be meant"
+        if not takes:
+            what = "no take is scored" if name is None else f"no take is called {name!r}"
         raise ConfigError(what, file=bundle.folder, field="--take", fix=f"there are {there}")
     return takes[0]

@@ -289,15 +289,24 @@ class Axes:
     def to_openxr(self, pose: Transform) -> Transform:
         """Poses written so, in OpenXR's convention: right-handed, y up, -z forward, metres."""
         order, signs = self._permutation()
-        p = pose.p[..., order] * (signs * self.unit_m)
-        return Transform(p, self._rotated(pose.q, order, signs))
+        return Transform(self.points_to_openxr(pose.p), self._rotated(pose.q, order, signs))
+
+    def points_to_openxr(self, points: Floats) -> Floats:
+        """The same of points (..., 3)."""
+        order, signs = self._permutation()
+        return points[..., order] * (signs * self.unit_m)
 
     def from_openxr(self, pose: Transform) -> Transform:
         """Poses in OpenXR's convention, written so."""
         order, signs = self._permutation()
         back = np.argsort(order)
-        p = pose.p[..., back] * (signs[back] / self.unit_m)
-        return Transform(p, self._rotated(pose.q, back, signs[back]))
+        return Transform(self.points_from_openxr(pose.p), self._rotated(pose.q, back, signs[back]))
+
+    def points_from_openxr(self, points: Floats) -> Floats:
+        """The same of points (..., 3)."""
+        order, signs = self._permutation()
+        back = np.argsort(order)
+        return points[..., back] * (signs[back] / self.unit_m)
 
     def _rotated(self, q: Floats, order: Ints, signs: Floats) -> Floats:
         hand = 1.0 if self.handedness == "right" else -1.0
@@ -324,6 +333,8 @@ OPENXR = Axes(up="y", forward="-z")
 UNITY = Axes(up="y", forward="z", handedness="left")
 UNREAL = Axes(up="z", forward="x", handedness="left", unit_m=0.01)
 ROS = Axes(up="z", forward="x")
+# Motion capture with z up, otherwise as with y up.
+Z_UP = Axes(up="z", forward="y")
 CONVENTIONS = {"openxr": OPENXR, "unity": UNITY, "unreal": UNREAL, "ros": ROS}
 """By the names that users write."""
 
@@ -331,18 +342,3 @@ CONVENTIONS = {"openxr": OPENXR, "unity": UNITY, "unreal": UNREAL, "ros": ROS}
 def unity_to_openxr(pose: Transform) -> Transform:
     """Maps to p = (x, y, -z), q = (-x, -y, z, w)."""
     return UNITY.to_openxr(pose)
-
-
-def unreal_to_openxr(pose: Transform) -> Transform:
-    """Maps to p = (Y, Z, -X) / 100, q = (-y, -z, x, w)."""
-    return UNREAL.to_openxr(pose)
-
-
-def openxr_to_ros(pose: Transform) -> Transform:
-    """Maps to p = (-z, -x, y), q = (-z, -x, y, w)."""
-    return ROS.from_openxr(pose)
-
-
-def unity_to_ros(pose: Transform) -> Transform:
-    """Maps to p = (z, -x, y), q = (-z, x, -y, w)."""
-    return ROS.from_openxr(UNITY.to_openxr(pose))

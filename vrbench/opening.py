@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,39 @@ from vrbench.geometry import Transform
 from vrbench.plugin.manager import Plugins, check_options, pick
 from vrbench.results.record import AccuracyRecord, OcclusionRecord
 from vrbench.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenDevice:
+    """A device that a rig names.
+
+    Attributes:
+        kind: `headset`, `mocap` or `robot`.
+        spec: its plugin's.
+        options: the rig's, as the plugin's own model; files among them found beside the rig.
+    """
+
+    kind: str
+    spec: Any
+    options: Any
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenDevices:
+    """All that a rig names.
+
+    Attributes:
+        profile: of the headset that is ranked.
+        headset: the route by which its poses come.
+    """
+
+    profile: HeadsetProfile
+    headset: ChosenDevice
+    mocap: ChosenDevice | None = None
+    robot: ChosenDevice | None = None
+
+    def __iter__(self) -> Iterator[ChosenDevice]:
+        return (d for d in (self.headset, self.mocap, self.robot) if d is not None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +117,56 @@ def headset_profile(rig: Rig, rig_name: str, plugins: Plugins) -> HeadsetProfile
     return spec.profile
 
 
+def chosen_devices(rig: Rig, rig_name: str, plugins: Plugins) -> ChosenDevices:
+    """A rig's devices, their options validated; none of them is touched.
+
+    Raises:
+        ConfigError: a device isn't there, has no live connection, or an option is wrong.
+    """
+    profile = headset_profile(rig, rig_name, plugins)
+    headset = chosen_device("headset", rig.headset, rig_name, plugins)
+    if headset.spec.open is None:
+        raise ConfigError(
+            f"{headset.spec.name} has no live connection",
+            file=rig_name,
+            field="headset.plugin",
+            fix="name a route, or import its recordings",
+        )
+    mocap = robot = None
+    if rig.mocap is not None:
+        mocap = chosen_device("mocap", rig.mocap, rig_name, plugins)
+    if rig.robot is not None:
+        robot = chosen_device("robot", rig.robot, rig_name, plugins)
+    return ChosenDevices(profile, headset, mocap, robot)
+
+
+def chosen_device(
+    kind: str, choice: DeviceChoice, rig_name: str | None, plugins: Plugins
+) -> ChosenDevice:
+    """One device, its options validated.
+
+    Args:
+        kind: `headset`, `mocap` or `robot`.
+        choice: the rig's.
+        rig_name: the rig's path or name; None where no rig names the device.
+        plugins: that have it.
+
+    Raises:
+        ConfigError: the device isn't there, or an option is wrong.
+    """
+    spec = pick(plugins.things(kind), choice.plugin, kind, field=f"{kind}.plugin", file=rig_name)
+    options = check_options(
+        choice.options,
+        spec.options,
+        field=f"{kind}.options",
+        file=rig_name,
+        beside=choice.beside_options,
+    )
+    beside = Path(rig_name).parent if rig_name else Path()
+    files = {name: beside / value for name, value in options if isinstance(value, Path)}
+    return ChosenDevice(kind, spec, options.model_copy(update=files))
+
+
 def open_rig(rig: Rig, rig_name: str, plugins: Plugins, seed: int, stack: ExitStack) -> Devices:
     """All devices of a rig; `stack` releases them.
 
@@ -96,48 +181,32 @@ def open_rig(rig: Rig, rig_name: str, plugins: Plugins, seed: int, stack: ExitSt
         ConfigError: a device isn't there, or an option is wrong.
         DeviceError: a device doesn't answer.
     """
-    profile = headset_profile(rig, rig_name, plugins)
-    route = pick(
-        plugins.headsets, rig.headset.plugin, "headset", field="headset.plugin", file=rig_name
-    )
-    if route.open is None:
-        raise ConfigError(
-            f"{route.name} has no live connection",
-            file=rig_name,
-            field="headset.plugin",
-            fix="name a route, or import its recordings",
-        )
-    session = _session(rig, seed, simulated=is_simulated(rig, rig_name))
     # All options are checked before the first device is touched.
-    headset_options = _options(rig.headset, route, "headset", rig_name)
+    chosen = chosen_devices(rig, rig_name, plugins)
+    session = _session(rig, seed, simulated=is_simulated(rig, rig_name))
     robot = mocap = None
-    if rig.robot is not None:
-        arm = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
-        arm_options = _options(rig.robot, arm, "robot", rig_name)
-    if rig.mocap is not None:
-        system = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
-        system_options = _options(rig.mocap, system, "mocap", rig_name)
-    if rig.robot is not None:
-        robot = stack.enter_context(arm.open(arm_options, session))
-    if rig.mocap is not None:
-        mocap = stack.enter_context(system.open(system_options, session))
-    headset = stack.enter_context(route.open(headset_options, profile, session))
-    return Devices(session, profile, headset, robot, mocap)
+    if chosen.robot is not None:
+        arm = chosen.robot
+        robot = stack.enter_context(arm.spec.open(arm.options, session))
+    if chosen.mocap is not None:
+        system = chosen.mocap
+        mocap = stack.enter_context(system.spec.open(system.options, session))
+    route = chosen.headset
+    headset = stack.enter_context(route.spec.open(route.options, chosen.profile, session))
+    return Devices(session, chosen.profile, headset, robot, mocap)
 
 
 def nominal_rates(rig: Rig, rig_name: str, plugins: Plugins) -> dict[str, float]:
     """How often each of a rig's devices is to send [Hz], by `robot`, `mocap`, `headset`.
 
     Raises:
-        ConfigError: a device isn't there.
+        ConfigError: as `chosen_devices`.
     """
-    rates = {"headset": headset_profile(rig, rig_name, plugins).rate_hz}
-    if rig.robot is not None:
-        arm = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
-        rates["robot"] = arm.rate_hz
-    if rig.mocap is not None:
-        system = pick(plugins.mocap, rig.mocap.plugin, "mocap", field="mocap.plugin", file=rig_name)
-        rates["mocap"] = system.rate_hz
+    chosen = chosen_devices(rig, rig_name, plugins)
+    rates = {"headset": chosen.profile.rate_hz}
+    for device in (chosen.robot, chosen.mocap):
+        if device is not None:
+            rates[device.kind] = device.spec.rate_hz
     return rates
 
 
@@ -173,7 +242,3 @@ def _session(rig: Rig, seed: int, *, simulated: bool) -> Session:
     rest = START_EYE @ mounting.inverse()
     stage.move(Trajectory(np.array([host.now()]), Transform(rest.p[None], rest.q[None])))
     return Session(host, mounting, seed, stage)
-
-
-def _options(choice: DeviceChoice, spec: Any, kind: str, rig_name: str) -> Any:
-    return check_options(choice.options, spec.options, field=f"{kind}.options", file=rig_name)

@@ -17,10 +17,12 @@ from vrbench.devices.permit import Permit, confirm, require, run_hash
 from vrbench.devices.ports import MotionPlanner, Plan
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import at_speed
-from vrbench.opening import is_simulated
-from vrbench.plugin.manager import Plugins, check_options, pick
+from vrbench.opening import chosen_device, is_simulated
+from vrbench.plugin.manager import Plugins
 
 Progress = Callable[[str, float], None]
+# Asks a person about these plans of a robot, and grants them.
+Ask = Callable[[str, list[str], Permit], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Permission:
     """
 
     planned: Planned
-    ask: Callable[[str, list[str], Permit], None] = confirm
+    ask: Ask
 
     def again(self, permit: Permit) -> None:
         """Asks, at the start, at `--resume`, and after every prompt that sent people to the robot.
@@ -88,7 +90,8 @@ def plan_suite(
     """
     if rig.robot is None or suite.mover != "robot":
         return None
-    spec = pick(plugins.robots, rig.robot.plugin, "robot", field="robot.plugin", file=rig_name)
+    chosen = chosen_device("robot", rig.robot, rig_name, plugins)
+    spec = chosen.spec
     if not spec.real:
         return None
     is_simulated(rig, rig_name)  # before minutes of planning: all of a rig is, or nothing
@@ -96,9 +99,7 @@ def plan_suite(
         raise ConfigError(
             f"{spec.name} can't plan without moving", file=rig_name, field="robot.plugin"
         )
-    options = check_options(rig.robot.options, spec.options, field="robot.options", file=rig_name)
-    planner = spec.planner(options, rig.mounting.tcp_eye.transform())
-    host = getattr(options, "host", None)
+    planner = spec.planner(chosen.options, rig.mounting.tcp_eye.transform())
     moves = {(case.motion, case.speed) for case in suite.all_cases()}
     if any(case.looped for case in suite.all_cases()):
         moves.add((OPENING, 1.0))
@@ -111,14 +112,15 @@ def plan_suite(
             progress(f"{name}: {what}", (index + done) / len(wanted))
 
         plans[name, speed] = planner.plan(motion, tell)
-    return Planned(f"{spec.name} at {host}" if host else spec.name, plans, planner)
+    where = spec.where(chosen.options) if spec.where else None
+    return Planned(f"{spec.name} at {where}" if where else spec.name, plans, planner)
 
 
-def permission(planned: Planned, execute: str | None) -> Permission:
-    """Leave to ask for, where `--execute` names these plans.
+def permission(planned: Planned, execute: str | None, ask: Ask = confirm) -> Permission:
+    """Leave to ask for with `ask`, where `--execute` names these plans.
 
     Raises:
         ConfigError: it names none, which makes this a dry run, or others.
     """
     require(execute, planned.hashes)
-    return Permission(planned)
+    return Permission(planned, ask)

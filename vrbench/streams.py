@@ -178,7 +178,7 @@ class States:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened in a take: `phase`, `loop`, `gap`, `recentre`, `mark`, ...
+    """Something that happened in a take: `phase`, `loop`, `gap`, `recentre`, ...
 
     Attributes:
         t: when [ns], on the recorder's clock.

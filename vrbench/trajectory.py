@@ -28,6 +28,8 @@ NS = 1_000_000_000
 # Longer intervals than this many periods are missing samples, shorter ones are jitter.
 LATE_PERIODS = 1.5
 QUATERNION_TOLERANCE = 1e-2
+MAX_GAP_PERIODS = 2.5
+"""Stamps further apart than so many usual steps have a gap between them."""
 EXACT_S = 1e6
 """Below this, seconds in float64 tell nanoseconds apart: they are 0.12 ns from one to the next."""
 LATEST_S = 2**63 / NS
@@ -209,25 +211,35 @@ def _stamps(path: Path, seconds: Floats) -> Ints:
     return np.array([round(Decimal(stamp) * NS) for stamp in text.tolist()], dtype=np.int64)
 
 
-def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
-    """A trajectory of stamps (n,), positions (n, 3), quaternions (n, 4) that `file` claims.
+def checked_poses(p: Floats, q: Floats, *, file: Path, row: str = "pose") -> Transform:
+    """Poses (n,) of positions (n, 3) [m] and quaternions (n, 4) that `file` claims.
 
     Raises:
-        DataError: values not finite, quaternions far from unit length, stamps not increasing.
+        DataError: a value that isn't finite, a quaternion far from unit length.
     """
     for name, values in (("position", p), ("quaternion", q)):
         bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if len(bad):
-            raise DataError(f"{name} of pose {bad[0] + 1} is not finite", file=file)
+            raise DataError(f"{name} of {row} {bad[0] + 1} is not finite", file=file)
     with np.errstate(over="ignore"):  # a length past all numbers is refused just below
         length = np.linalg.norm(q, axis=1)
     bad = np.flatnonzero(np.abs(length - 1.0) > QUATERNION_TOLERANCE)
     if len(bad):
         raise DataError(
-            f"quaternion of pose {bad[0] + 1} has length {length[bad[0]]:.4g}",
+            f"quaternion of {row} {bad[0] + 1} has length {length[bad[0]]:.4g}",
             file=file,
             fix="unit quaternions, order x y z w",
         )
+    return Transform(p, quat_normalize(q))
+
+
+def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
+    """A trajectory of stamps (n,), positions (n, 3), quaternions (n, 4) that `file` claims.
+
+    Raises:
+        DataError: as `checked_poses`, and stamps that don't increase.
+    """
+    pose = checked_poses(p, q, file=file)
     bad = np.flatnonzero(np.diff(t) <= 0)
     if len(bad):
         raise DataError(
@@ -235,7 +247,7 @@ def checked_trajectory(t: Ints, p: Floats, q: Floats, file: Path) -> Trajectory:
             file=file,
             fix="sort the rows and remove duplicates",
         )
-    return Trajectory(t, Transform(p, continuous_signs(quat_normalize(q))))
+    return Trajectory(t, Transform(pose.p, continuous_signs(pose.q)))
 
 
 def write_tum(trajectory: Trajectory, path: Path) -> None:

@@ -146,6 +146,26 @@ def test_what_the_user_got_wrong_is_told_once(tmp_path: Path, words: list[str], 
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("evaluate", "RUN"),
+        ("export", "RUN", "--format", "tum", "-o", "out"),
+        ("leaderboard", "RUN"),
+        ("report", "RUN"),
+        ("compare", "RUN", "RUN"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_protocol_that_is_none_is_told_with_those_there_are(
+    words: tuple[str, ...], run: Path, tmp_path: Path
+) -> None:
+    named = [str(run) if word == "RUN" else word for word in words]
+    done = vrbench(*named, "--protocol", "vrbench-2", cwd=tmp_path)
+    refused(done, 2, "--protocol: no protocol is called 'vrbench-2' (there are banaszczyk2024, vr")
+    assert "plugin" not in done.stderr
+
+
 def test_a_rig_that_is_simulated_in_part_is_refused(tmp_path: Path) -> None:
     (tmp_path / "lab.yaml").write_text(
         "lab: mine\nheadset: {plugin: sim, device: sim}\nrobot: {plugin: sim}\n"

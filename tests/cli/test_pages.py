@@ -7,9 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 from tests.cli.test_cli import refused, vrbench
-from vrbench.cli import cli, export
+from vrbench.cli import cli
 from vrbench.cli._steps import report_run
-from vrbench.exporting import FORMATS
 from vrbench.results.bundle import Bundle
 
 
@@ -50,17 +49,13 @@ def test_a_site_needs_a_folder(run: Path, tmp_path: Path) -> None:
     refused(done, 2, "holds files already")
 
 
-def test_the_formats_that_are_offered_are_those_there_are() -> None:
-    assert export.FORMATS == FORMATS
-
-
 def test_what_is_left_out_of_an_export_is_told(run: Path, tmp_path: Path) -> None:
     record = json.loads((run / "run.json").read_text())
     record["takes"] = [take for take in record["takes"] if take["repeat"] == 1]
     (run / "run.json").write_text(json.dumps(record))
     done = vrbench("export", run, "--format", "csv", "-o", "csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "left out: calibrate.default.m1.r1.robot: X is unknown" in done.stderr
+    assert "left out: calibrate.default.m1.r1.robot: the mount has no calibration" in done.stderr
     assert "2 files: csv" in done.stdout
 
 

@@ -112,18 +112,17 @@ def test_what_a_robot_carries_and_what_stands_around_it_are_options_of_it(load, 
         "  workspace: table.yaml\n",
     )
     assert beside.options == wanted
-    assert beside.workspace is None
     inside = robot(
         load,
         "  options: {host: h, tcp: [0, 0, 0.1, 0, 0, 0], payload: {kg: 1.9}, "
         "workspace: table.yaml}\n",
     )
-    assert inside == beside
-
-
-def test_a_controllers_calibration_lies_beside_the_rig(load, tmp_path):
-    options = robot(load, "  options: {calibration: mine.conf}\n").options
-    assert options["calibration"] == str(tmp_path / "mine.conf")
+    assert inside.options == wanted
+    # errors name a field as the file has it
+    assert beside.beside_options == ("tcp", "payload", "workspace")
+    assert inside.beside_options == ()
+    # and what is kept with a run has each of them once
+    assert beside.model_dump() == inside.model_dump()
 
 
 @pytest.mark.parametrize(

@@ -127,8 +127,17 @@ def test_slow_noise_is_a_function_of_time() -> None:
 
 def test_losses_come_as_often_and_last_as_long_as_asked() -> None:
     t = np.arange(0.0, 3600.0, 0.01)
-    lost = losses(rng_of(1, "x"), 6.0, 0.5)(t)
-    assert lost.mean() == pytest.approx(6.0 * 0.5 / 60.0, rel=0.15)
+    for hour in (0, 9):
+        lost = losses(rng_of(1, "x"), 6.0, 0.5)(t + 3600.0 * hour)
+        assert lost.mean() == pytest.approx(6.0 * 0.5 / 60.0, rel=0.15)
+
+
+def test_losses_are_the_same_whichever_instants_are_asked_for_first() -> None:
+    t = np.arange(0.0, 6 * 3600.0, 1.0)
+    forwards, backwards = (losses(rng_of(1, "x"), 6.0, 0.5) for _ in range(2))
+    late = backwards(t[-100:])
+    assert np.array_equal(forwards(t), backwards(t))
+    assert np.array_equal(late, forwards(t[-100:]))
 
 
 def test_lost_poses_are_sent_and_flagged() -> None:

@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.estimation.opencv import METHODS, opencv_handeye
 from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
 from vrbench.estimation.handeye import paper_residual, residuals, solve_handeye, solve_world
 from vrbench.estimation.interpolation import paired
-from vrbench.estimation.opencv import METHODS, opencv_handeye
 from vrbench.estimation.trim import active_window
 from vrbench.geometry import (
     Transform,

@@ -22,11 +22,6 @@ def test_the_shorter_trajectory_is_walked_through_the_estimate_when_equal():
     assert pairs(np.array([0.0, 0.1]), np.array([0.0, 5.0]), 0.5) == [[0], [0]]
 
 
-def test_the_offset_is_added_to_the_estimate():
-    t = np.arange(10.0)
-    assert pairs(t, t - 0.25, 0.01, 0.25) == [list(range(10)), list(range(10))]
-
-
 def test_stamps_in_any_order_and_a_single_pair():
     assert [x.tolist() for x in nearest(np.array([2.0, 1.0]), np.array([3.0, 1.0, 2.0]), 0.1)] == [
         [0, 1],

@@ -11,8 +11,9 @@ from vrbench.estimation.alignment import align
 from vrbench.geometry import Transform
 from vrbench.metrics import pose_errors as errors
 from vrbench.metrics import summary
+from vrbench.metrics.as_evo import Delta, pairs
 from vrbench.metrics.association import associate, nearest
-from vrbench.metrics.pairs import find_pairs
+from vrbench.metrics.pairs import end_to_end, pairs_by_path
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -64,21 +65,20 @@ def test_nearest_stamps_are_evos(a, b, max_diff, offset):
     st.lists(st.integers(0, 80), min_size=1, max_size=20, unique=True),
     st.lists(st.integers(0, 80), min_size=1, max_size=20, unique=True),
     st.sampled_from([0.125, 0.5, 2.0]),
-    st.sampled_from([0.0, 0.25, -1.0]),
 )
 @settings(deadline=None)
-def test_association_is_evos(a, b, max_diff, offset):
+def test_association_is_evos(a, b, max_diff):
     a, b = np.sort(np.array(a) / 8), np.sort(np.array(b) / 8)
     reference, estimate = as_evo(head(1, len(a)), a), as_evo(head(2, len(b)), b)
     try:
         found_reference, found_estimate = sync.associate_trajectories(
-            reference, estimate, max_diff=max_diff, offset_2=offset
+            reference, estimate, max_diff=max_diff
         )
     except sync.SyncException:
         with pytest.raises(Exception, match="lie within"):
-            associate(a, b, max_diff, offset)
+            associate(a, b, max_diff)
         return
-    i, j = associate(a, b, max_diff, offset)
+    i, j = associate(a, b, max_diff)
     np.testing.assert_array_equal(head(1, len(a)).p[i], found_reference.positions_xyz)
     np.testing.assert_array_equal(head(2, len(b)).p[j], found_estimate.positions_xyz)
 
@@ -108,8 +108,8 @@ def test_ape_is_evos(aligned):
 def test_rpe_is_evos(delta, unit, all_pairs):
     reference = head(5)
     estimate = noisy(reference, 6)
-    pairs = find_pairs(estimate, delta, unit, all_pairs=all_pairs)
-    ours = errors.rpe(reference, estimate, pairs)
+    found = pairs(estimate, None, Delta(delta, unit, all_pairs))
+    ours = errors.rpe(reference, estimate, found)
     for relation, error in zip(
         (metrics.PoseRelation.translation_part, metrics.PoseRelation.rotation_angle_rad),
         ours,
@@ -133,12 +133,10 @@ def test_pairs_by_path_are_evos(steps, delta, all_pairs, tolerance):
     p[1:, 0] = np.cumsum(steps)
     matrices = list(Transform(p, np.tile([0.0, 0, 0, 1], (len(p), 1))).matrix())
     theirs = filters.filter_pairs_by_path(matrices, delta, tolerance * delta, all_pairs)
-    pose = Transform(p, np.tile([0.0, 0, 0, 1], (len(p), 1)))
-    if not theirs:
-        with pytest.raises(Exception, match="apart"):
-            find_pairs(pose, delta, "m", all_pairs=all_pairs, tolerance=tolerance)
-        return
-    first, second = find_pairs(pose, delta, "m", all_pairs=all_pairs, tolerance=tolerance)
+    if all_pairs:
+        first, second = pairs_by_path(p, delta, tolerance * delta)
+    else:
+        first, second = end_to_end(np.linalg.norm(np.diff(p, axis=0), axis=1), delta)
     assert list(zip(first.tolist(), second.tolist(), strict=True)) == [
         (int(i), int(j)) for i, j in theirs
     ]

@@ -3,7 +3,8 @@ import pytest
 
 from vrbench.errors import EstimationError
 from vrbench.geometry import Transform
-from vrbench.metrics.pairs import find_pairs, pairs_by_time
+from vrbench.metrics.as_evo import Delta, pairs
+from vrbench.metrics.pairs import pairs_by_time
 
 
 def line(n):
@@ -15,24 +16,17 @@ def listed(pairs):
 
 
 def test_frames_end_to_end_or_from_each():
-    assert listed(find_pairs(line(6), 2)) == [(0, 2), (2, 4)]
-    assert listed(find_pairs(line(5), 2, all_pairs=True)) == [(0, 2), (1, 3), (2, 4)]
+    assert listed(pairs(line(6), None, Delta(2, "frames"))) == [(0, 2), (2, 4)]
+    every = Delta(2, "frames", all_pairs=True)
+    assert listed(pairs(line(5), None, every)) == [(0, 2), (1, 3), (2, 4)]
 
 
 def test_one_pair_is_enough_and_none_is_an_error():
-    assert listed(find_pairs(line(3), 2)) == [(0, 2)]
+    assert listed(pairs(line(3), None, Delta(2, "frames"))) == [(0, 2)]
     for n in (0, 1, 2):
         for unit in ("frames", "m", "deg"):
             with pytest.raises(EstimationError, match="poses are 2"):
-                find_pairs(line(n), 2, unit)
-
-
-@pytest.mark.parametrize(
-    ("delta", "unit"), [(0, "frames"), (-1, "m"), (1.5, "frames"), (1, "feet")]
-)
-def test_deltas_that_mean_nothing_are_refused(delta, unit):
-    with pytest.raises(ValueError, match=r"delta|unit"):
-        find_pairs(line(5), delta, unit)
+                pairs(line(n), None, Delta(2, unit))
 
 
 def test_a_gap_in_time_has_no_pairs_across_it():

@@ -59,6 +59,19 @@ def test_a_motion_comes_back_as_it_was_written(tmp_path):
         write_motion(path, header(), MOVED)
 
 
+def test_a_motion_that_is_refused_leaves_no_file(tmp_path):
+    path = tmp_path / "made" / "head.tum"
+    far = np.where(S < 1.0, 0.0, 0.5)[:, None] * [1.0, 0.0, 0.0]
+    leaping = Trajectory(MOVED.t, Transform(MOVED.pose.p + far, MOVED.pose.q))
+    for refused, says in ((leaping, "leaps at"), (MOVED[np.r_[0:50, 80:200]], "has no rows")):
+        with pytest.raises(DataError, match=rf"head\.tum: {says}"):
+            write_motion(path, header(), refused)
+        assert not path.parent.exists()
+    # the same name is free for the next try, and the folder is made
+    assert write_motion(path, header(), MOVED).digest == read_motion(path).digest
+    assert [found.name for found in path.parent.iterdir()] == ["head.tum"]
+
+
 def test_the_digest_is_of_name_version_and_movement_and_of_nothing_else(tmp_path):
     def digest(n, trajectory=MOVED, **more):
         return write_motion(tmp_path / f"{n}.tum", header(**more), trajectory).digest

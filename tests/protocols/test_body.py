@@ -20,7 +20,7 @@ def shapes(*markers):
 
 
 def test_a_take_tells_of_its_own_reference_only():
-    events = [told(MARKERS), told(moved(5.0), "mocap_other/headset"), Event(3, "mark", {})]
+    events = [told(MARKERS), told(moved(5.0), "mocap_other/headset"), Event(3, "note", {})]
     (shape,) = body_shapes(Columns({}, events=events), "mocap")
     np.testing.assert_array_equal(shape, MARKERS)
     assert body_shapes(Columns({}, events=events), "robot") == []

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from vrbench.errors import DataError
-from vrbench.geometry import openxr_to_ros, quat_normalize, relative_angle
+from vrbench.geometry import ROS, quat_normalize, relative_angle
 from vrbench.recording.bags import LAYOUTS, BagOptions
 from vrbench.recording.importers import builtin_importers, rosbag1, rosbag2
 
@@ -126,7 +126,7 @@ def test_every_type_that_can_be_read_gives_its_stamps_and_poses(tmp_path, ros, k
 def test_poses_of_a_headset_in_axes_of_ros_become_openxrs(tmp_path, ros):
     path = ros.write(tmp_path, rows(ros))
     pose = ros.importer.read(path, BagOptions(topic="/tcp", axes="ros")).samples.pose
-    back = openxr_to_ros(pose)
+    back = ROS.from_openxr(pose)
     np.testing.assert_allclose(back.p, P, atol=1e-15)
     assert relative_angle(back.q, Q).max() < 1e-12
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.recording.markers import markers_of
 from vrbench.errors import DataError
 from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
 from vrbench.recording.importers.c3d import IMPORTER, Options
-from vrbench.recording.marker_body import markers_of
 
 ezc3d = pytest.importorskip("ezc3d", reason="reading C3D needs ezc3d: pip install 'vrbench[c3d]'")
 

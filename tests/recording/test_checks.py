@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 from vrbench.errors import DataError
 from vrbench.geometry import quat_normalize
 from vrbench.recording import checks
-from vrbench.recording.checks import imported_poses, increasing
+from vrbench.recording.checks import imported_poses, increasing, with_invalid
 
 FILE = Path("made-up.log")
 stamps = st.lists(st.integers(0, 30), min_size=1, max_size=12).map(
@@ -159,3 +160,14 @@ def test_two_recordings_in_one_file_are_refused():
     t[50:] += 9949 * SECOND
     with pytest.raises(DataError, match=r"9950 s lie between pose 50 and the next"):
         imported_poses(*at_rest(t), file=FILE)
+
+
+def test_invalid_samples_are_added_and_nothing_else_is_lost():
+    t = np.array([0, 20, 40])
+    found = imported_poses(t, np.zeros((3, 3)), np.tile([0.0, 0, 0, 1], (3, 1)), file=Path("x"))
+    given = replace(found, markers=np.ones((4, 3)), repairs=("mended",))
+    more = with_invalid(given, np.array([10, 30]))
+    assert more.samples.pose_t.tolist() == [0, 10, 20, 30, 40]
+    assert more.samples.good.tolist() == [True, False, True, False, True]
+    assert more.markers is given.markers
+    assert more.repairs == ("mended",)

@@ -3,9 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.recording.markers import markers_of
 from vrbench.errors import DataError
 from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
-from vrbench.recording.marker_body import fit_body, markers_of
+from vrbench.recording.marker_body import fit_body
 
 FILE = Path("take.c3d")
 N = 200

@@ -46,7 +46,7 @@ def columns() -> Columns:
                 t, t + 1, rng.normal(size=(50, 3)), rng.normal(size=(50, 3)), names
             )
         },
-        events=[Event(T0, "phase", {"name": "move"}), Event(T0 + 5, "mark", {"n": 1, "x": "Ω"})],
+        events=[Event(T0, "phase", {"name": "move"}), Event(T0 + 5, "note", {"n": 1, "x": "Ω"})],
         clocks={"optitrack": Exchanges(t, t + 3, t + 4, t + 9)},
         metadata={"case": "replay", "motion": "shooter-1"},
     )
@@ -105,7 +105,7 @@ def test_any_sizes_and_names_come_back(
         for k in range(parts):
             piece = slice(k * n // parts, (k + 1) * n // parts)
             writer.write(Columns({"headset/eye": whole[piece]}))
-        writer.write(Columns({}, {"robot/joints": joints}, [Event(T0, "mark", {"text": text})]))
+        writer.write(Columns({}, {"robot/joints": joints}, [Event(T0, "note", {"text": text})]))
     found = read_take(path)
     if n:
         assert_same(found.poses["headset/eye"], whole)
@@ -165,7 +165,7 @@ def test_rosbags_reads_every_message(tmp_path: Path) -> None:
     joints = content.joints["robot/joints"]
     assert [tuple(m.name) for m in seen["/robot/joints"]] == [joints.names] * 50
     assert np.array_equal([m.velocity for m in seen["/robot/joints"]], joints.velocity)
-    assert seen["/events"][1].kind == "mark"
+    assert seen["/events"][1].kind == "note"
     assert seen["/clock/optitrack"][0].received_ns == content.clocks["optitrack"].received[0]
 
 

@@ -16,8 +16,8 @@ from vrbench.batch.places import at_hand, is_url
 from vrbench.cache.store import Store
 from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.evaluation import evaluate
-from vrbench.plugin.manager import Plugins, families_of, pick
-from vrbench.protocols.registry import builtin_protocols
+from vrbench.plugin.manager import Plugins, families_of
+from vrbench.protocols.registry import find_protocol
 from vrbench.results.bundle import Bundle
 from vrbench.results.lock import locked
 from vrbench.results.tables import Row
@@ -139,8 +139,7 @@ def evaluate_bundle(
         DataError: a take is gone, altered or unreadable.
     """
     plugins = plugins or Plugins()
-    protocols = {found.name: found for found in builtin_protocols()}
-    chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
+    chosen = find_protocol(protocol)
     suite = bundle.record.resolved_suite()
     families = chosen.families or families_of(suite, plugins, str(bundle.folder))
     return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total), store)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 from vrbench.cli._tables import console, show_table
+from vrbench.digits import significant
 from vrbench.results.board import Board, Entry, notes
-from vrbench.results.board_formats import one_line, significant
+from vrbench.results.board_formats import one_line
 
 if TYPE_CHECKING:
     from vrbench.results.comparison import Comparison

@@ -44,7 +44,6 @@ def calibration(
     with bar("calibration motion") as tell:
         found = fit(f"{name}-1", chosen.planner, chosen.mounting, motions, tell)
     header = Header(motion=name, version=1, up="y", rate_hz=RATE_HZ, source="generated")
-    output.parent.mkdir(parents=True, exist_ok=True)
     written = write_motion(output, header, found.motion.trajectory)
     box = written.trajectory.pose.p.max(axis=0) - written.trajectory.pose.p.min(axis=0)
     rows = [

@@ -12,7 +12,8 @@ from vrbench.geometry import Transform
 from vrbench.motion.files import has_header, read_motion
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import Motion, relative_to_first
-from vrbench.plugin.manager import Plugins, check_options, pick
+from vrbench.opening import chosen_device
+from vrbench.plugin.manager import Plugins
 from vrbench.trajectory import read_tum
 
 
@@ -52,14 +53,13 @@ def planner_of(rig: str | None, robot: str | None, stretch: float | None = None)
         if loaded.robot is None:
             raise ConfigError("the rig has no robot", file=rig, field="robot")
         choice, mounting = loaded.robot, loaded.mounting
-    spec = pick(Plugins().robots, choice.plugin, "robot", field="robot.plugin", file=rig)
+    if stretch is not None:
+        choice = choice.model_copy(update={"options": {**choice.options, "stretch": stretch}})
+    device = chosen_device("robot", choice, rig, Plugins())
+    spec = device.spec
     if spec.planner is None:
         raise ConfigError(
             f"{spec.name} needs no plan file: it does every motion", file=rig, field="robot.plugin"
         )
-    given = dict(choice.options)
-    if stretch is not None:
-        given["stretch"] = stretch
-    options = check_options(given, spec.options, field="robot.options", file=rig)
     nominal = mounting.tcp_eye.transform()
-    return Chosen(spec.name, spec.planner(options, nominal), nominal)
+    return Chosen(spec.name, spec.planner(device.options, nominal), nominal)

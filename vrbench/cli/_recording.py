@@ -112,21 +112,24 @@ def record(asked: Asked) -> Bundle:
     folder = asked.output or default_folder(suite.suite, rig.headset.model)
     person = TerminalPerson()
     with RunDisplay(f"record {suite.label} on {rig.headset.model}", console(err=True)) as display:
-        run = functools.partial(
-            record_suite,
-            *(suite, rig, asked.rig, folder, plugins),
-            watcher=person if suite.mover == "person" else display,
-            seed=asked.seed,
-            operator=ScriptedOperator() if asked.yes else TerminalOperator(display.paused),
-            person=person,
-            permission=_permission(suite, rig, plugins, asked, display),
-            licence=asked.licence,
-            consent=asked.consent,
-            resume=asked.resume,
-            calibration=asked.calibration,
-        )
+        allowed = _permission(suite, rig, plugins, asked, display)
         try:
-            return run()
+            return record_suite(
+                suite,
+                rig,
+                asked.rig,
+                folder,
+                plugins,
+                watcher=person if suite.mover == "person" else display,
+                seed=asked.seed,
+                operator=ScriptedOperator() if asked.yes else TerminalOperator(display.paused),
+                person=person,
+                permission=allowed,
+                licence=asked.licence,
+                consent=asked.consent,
+                resume=asked.resume,
+                calibration=asked.calibration,
+            )
         except VrbenchError:
             display.close()
             _show_what_is_there(folder)
@@ -154,7 +157,8 @@ def _permission(
     suite: Suite, rig: Rig, plugins: Plugins, asked: Asked, display: RunDisplay
 ) -> Permission | None:
     """Plans a real robot's motions, shows them, and checks `--execute`; None for simulated ones."""
-    from vrbench.permission import Permission, permission, plan_suite
+    from vrbench.devices.permit import confirm
+    from vrbench.permission import permission, plan_suite
 
     with bar(f"plan {suite.label}") as tell:
         planned = plan_suite(suite, rig, asked.rig, plugins, tell)
@@ -165,10 +169,9 @@ def _permission(
     for (name, speed), plan in planned.plans.items():
         rows = [[what, value] for what, value in planned.planner.describe(plan)]
         show_table(f"Plan of {name} at speed {speed:g}", ["", ""], rows)
-    allowed = permission(planned, asked.execute)
 
     def ask(robot: str, plans: list[str], permit: Permit) -> None:
         with display.paused():
-            allowed.ask(robot, plans, permit)
+            confirm(robot, plans, permit)
 
-    return Permission(planned, ask)
+    return permission(planned, asked.execute, ask)

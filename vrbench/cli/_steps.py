@@ -40,7 +40,7 @@ def report_run(bundle: Bundle, protocol: str) -> None:
 
 
 def show_runs(bundles: Sequence[Bundle]) -> None:
-    """Says where bundles are, and what to do next."""
+    """Says where bundles are."""
     for bundle in bundles:
         click.echo(f"run: {bundle.folder}")
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from vrbench.digits import significant
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -129,7 +131,7 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
         named = case if condition == "default" else f"{case} {condition}"
         named += f" by {reference}" if several else ""
         line = [named, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
-        shown = ["" if row is None else number_text(row.value) for row in cells]
+        shown = ["" if row is None else significant(row.value) for row in cells]
         status = min((r.status for r in numbers.values()), key=STATUSES.index)
         # A take that lacks some metric is ok; one that lacks its first headline isn't scored.
         if status == "skipped" and shown[0]:
@@ -148,10 +150,10 @@ def _show_compared(rows: Sequence[Row]) -> None:
         [
             f"{row.case} {row.condition}" + (f" by {row.reference}" if several else ""),
             f"{row.metric} {row.point}",
-            number_text(row.value),
+            significant(row.value),
             ""
             if row.ci_low is None
-            else f"{number_text(row.ci_low)} to {number_text(row.ci_high)}",
+            else f"{significant(row.ci_low)} to {significant(row.ci_high)}",
             row.unit,
             row.status,
             row.reason,
@@ -162,17 +164,6 @@ def _show_compared(rows: Sequence[Row]) -> None:
     if lines:
         header = ["case", "rmse of", "more by ", "95 % ", "", "status", ""]
         show_table("Against the baseline", header, lines)
-
-
-def _state(row: Row) -> str:
-    return row.status if row.status == "ok" else f"{row.status}: {row.reason}"
-
-
-def number_text(value: float | None) -> str:
-    """Four significant digits, without exponents where people don't expect them."""
-    if value is None:
-        return ""
-    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
 
 
 @contextmanager

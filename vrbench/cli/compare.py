@@ -17,7 +17,9 @@ def command(first: Path, second: Path, protocol: str) -> None:
     By condition; paired by the motion's phase, so that what is hard for both cancels.
     """
     from vrbench.cli._boards import show_comparisons
+    from vrbench.protocols.registry import find_protocol
     from vrbench.results.bundle import Bundle
     from vrbench.results.comparison import compare
 
+    find_protocol(protocol)
     show_comparisons(first, second, compare(Bundle.open(first), Bundle.open(second), protocol))

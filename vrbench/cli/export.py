@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-FORMATS = ("tum", "evo", "csv", "parquet", "foxglove")
+from vrbench.results.export import FORMATS
 
 
 @click.command(
@@ -30,12 +30,10 @@ def command(run: Path, form: str, output: Path, protocol: str) -> None:
     """
     from vrbench.cli._tables import bar
     from vrbench.exporting import export
-    from vrbench.plugin.manager import pick
-    from vrbench.protocols.registry import builtin_protocols
+    from vrbench.protocols.registry import find_protocol
     from vrbench.results.bundle import Bundle
 
-    protocols = {found.name: found for found in builtin_protocols()}
-    chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
+    chosen = find_protocol(protocol)
     left_out: list[str] = []
     with bar(f"export {run.name}") as tell:
         written = export(

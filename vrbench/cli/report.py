@@ -15,9 +15,11 @@ def command(runs: tuple[Path, ...], protocol: str) -> None:
 
     It is one file that needs no network. Its plots are drawn from what `vrbench evaluate` kept.
     """
+    from vrbench.protocols.registry import find_protocol
     from vrbench.results.bundle import Bundle
     from vrbench.results.report.run_page import REPORT, write_report
 
+    find_protocol(protocol)
     for folder in runs:
         write_report(Bundle.open(folder), protocol)
         click.echo(f"report: {folder / REPORT}")

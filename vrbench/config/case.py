@@ -74,7 +74,7 @@ class Case(_Strict):
         speed: of the motion, 1 as it was made.
         loops: runs of the motion in one take.
         duration: how long a take is looped, in place of `loops`: 2 h.
-        hold: rest at the start of a take: 60 s.
+        hold: how long the head rests after each run of the motion: 60 s.
         occlude: which level of cameras is covered; the headset's profile says which they are.
         events: what happens in a take, and when.
         needs: what it can't be scored without: x, clock, y.

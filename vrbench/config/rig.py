@@ -69,6 +69,11 @@ class DeviceChoice(_Strict):
     plugin: str
     options: dict[str, Any] = {}
 
+    @property
+    def beside_options(self) -> tuple[str, ...]:
+        """Options that the rig's file has beside `options`, not among them."""
+        return ()
+
 
 class ReferenceChoice(DeviceChoice):
     """A device that counts as truth.
@@ -93,27 +98,26 @@ class RobotChoice(ReferenceChoice):
     payload: dict[str, Any] | None = Field(None, exclude=True)
     workspace: dict[str, Any] | str | None = Field(None, exclude=True)
 
+    @property
+    def beside_options(self) -> tuple[str, ...]:
+        return tuple(name for name in SHARED if getattr(self, name) is not None)
+
     def gathered(self, rig: Path) -> RobotChoice:
-        """The same with all of them among its options, files read and found beside the rig.
+        """The same with all of them among its options too, a workspace's file read.
 
         Raises:
             ConfigError: one is given twice, or the file can't be read.
         """
         options = dict(self.options)
-        for name in SHARED:
-            value = getattr(self, name)
-            if value is None:
-                continue
+        for name in self.beside_options:
             if name in options:
                 raise ConfigError(
                     "is given twice", file=rig, field=f"robot.{name}", fix="here or in the options"
                 )
-            options[name] = value
+            options[name] = getattr(self, name)
         if isinstance(options.get("workspace"), str):
             options["workspace"] = load_yaml(rig.parent / options["workspace"])[0]
-        if isinstance(options.get("calibration"), str):
-            options["calibration"] = str(rig.parent / options["calibration"])
-        return self.model_copy(update=dict.fromkeys(SHARED) | {"options": options})
+        return self.model_copy(update={"options": options})
 
 
 class HeadsetChoice(DeviceChoice):

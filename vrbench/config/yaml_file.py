@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -101,10 +101,12 @@ def validate(
     path: str | Path,
     root: yaml.Node | None = None,
     under: Sequence[int | str] = (),
+    beside: Collection[str] = (),
 ) -> Model:
     """Content as a model; errors name the file `path`, and lines where `root` is given.
 
-    Content that is a part of the file stands `under` these fields of it.
+    Content that is a part of the file stands `under` these fields of it, but for the fields that
+    stand `beside` the last of them.
 
     Raises:
         ConfigError: a field is unknown, missing or wrong.
@@ -117,7 +119,7 @@ def validate(
         first = min(problems, key=lambda problem: problem["type"] == "missing")
         loc = first["loc"]
         what, fix = _told(first, loc, model)
-        place = [*under, *loc]
+        place = [*(under[:-1] if loc and loc[0] in beside else under), *loc]
         more = f"; {len(problems) - 1} more besides" if len(problems) > 1 else ""
         raise ConfigError(
             what + more,

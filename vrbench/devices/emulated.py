@@ -31,6 +31,10 @@ _HEAD = 8
 SIZE = _HEAD + ROWS * _ROW.itemsize
 
 
+# How long a robot that writes down where the head is is waited for.
+WAIT_S = 20.0
+
+
 class StageWriter:
     """Writes down where the carried head is; called often, so it is quick.
 
@@ -54,20 +58,27 @@ class StageWriter:
         self._written[0] = self._count
 
 
+def _begun(path: Path) -> bool:
+    """Whether the file is whole, and holds a row."""
+    if not path.is_file() or path.stat().st_size != SIZE:
+        return False
+    with path.open("rb") as file:
+        return any(file.read(_HEAD))
+
+
 class StageReader:
     """Looks up where the carried head is.
 
     Args:
-        path: the file,
-        wait_s: and how long a robot that writes to it is waited for [s].
+        path: the file.
 
     Raises:
-        TimeoutError: there is none.
+        TimeoutError: no robot writes to it.
     """
 
-    def __init__(self, path: Path, wait_s: float = 20.0) -> None:
-        end = time.monotonic() + wait_s
-        while not (path.is_file() and path.stat().st_size == SIZE and any(path.read_bytes()[:8])):
+    def __init__(self, path: Path) -> None:
+        end = time.monotonic() + WAIT_S
+        while not _begun(path):
             if time.monotonic() > end:
                 raise TimeoutError(f"no emulated robot writes to {path}")
             time.sleep(0.02)

@@ -26,12 +26,16 @@ from vrbench.trajectory import NS
 ASLEEP_NS = 3 * NS
 # A frame can't have been made after it arrived; this much is granted to the fit of the clock.
 FUTURE_NS = 20_000_000
+# Batches of frames between takes whose times aren't known yet: of ten seconds and more at one frame
+# each. The clock is known in the first of them, so more wait only where it never will be.
+MOST_WAITING = 1000
 
 
 @dataclass(slots=True, eq=False)
 class _Run:
     """One run of the headset's app: its numbering and its clock start anew with it."""
 
+    name: str
     origin_ns: int
     facts: Mapping[str, Any]
     expected: int | None = None
@@ -51,7 +55,6 @@ class Link:
         self.world = uuid4().hex
         self._lock = threading.Lock()
         self._run: _Run | None = None
-        self._runs: dict[str, _Run] = {}
         self._clock = DeviceClock()
         self._epochs = 0
         self._waiting: deque[Frames] = deque()
@@ -73,14 +76,12 @@ class Link:
             the number of the frame that is expected next; None where the run is new here.
         """
         with self._lock:
-            known = self._runs.get(run)
-            if known is None:
-                if self._run is not None:
+            known = self._run
+            if known is None or known.name != run:
+                if known is not None:
                     self._lose_clock(t, "the headset's app was started anew")
-                known = _Run(origin_ns, facts)
-                self._runs = {run: known}
+                known = self._run = _Run(run, origin_ns, facts)
                 self._clock = DeviceClock()
-            self._run = known
             self._gathering.tell(t, "connection", {**facts, "state": "open"})
             return known.expected
 
@@ -157,7 +158,7 @@ class Link:
                 self._lose_clock(t, "frames go back in time")
                 frames = frames[cut:]
             self._waiting.append(frames)
-            if not self._gathering.taking and len(self._waiting) > 1000:
+            if not self._gathering.taking and len(self._waiting) > MOST_WAITING:
                 self._waiting.popleft()
             self._confirm()
 
@@ -224,11 +225,6 @@ class Link:
         with self._lock:
             self._give_up(t, "the connection ended before the clock could tell their times")
             self._gathering.finish(t)
-
-    def mark(self, t: int, name: str) -> None:
-        """A mark of the person at the PC."""
-        with self._lock:
-            self._gathering.tell(t, "mark", {"name": name})
 
     def tell(self, t: int, kind: str, detail: Mapping[str, Any]) -> None:
         """An event that the route knows of."""

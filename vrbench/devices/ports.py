@@ -339,6 +339,7 @@ class RobotSpec:
         planner: plans without a robot, given options and the nominal `T_tcp_eye`; None where the
             robot only plans when connected.
         real: whether people must allow its plans before it moves: `vrbench.devices.permit`.
+        where: which one it is, given options: its address, which people confirm before it moves.
     """
 
     name: str
@@ -351,3 +352,4 @@ class RobotSpec:
     stand_in: StandIn | None = None
     planner: Callable[[Any, Transform], MotionPlanner] | None = None
     real: bool = False
+    where: Callable[[Any], str] | None = None

@@ -153,7 +153,7 @@ def _measured(m: Floats, delta: Delta) -> Pairs:
         if not delta.all_pairs:
             return end_to_end(steps(m), delta.value)
         tolerance = delta.value * TOLERANCE
-        return pairs_by_path(m[:, :3, 3], delta.value, tolerance, all_pairs=True)
+        return pairs_by_path(m[:, :3, 3], delta.value, tolerance)
     rad, tolerance = delta.value, delta.value * TOLERANCE
     if delta.unit == "deg":
         rad, tolerance = float(np.deg2rad(rad)), float(np.deg2rad(tolerance))

@@ -63,9 +63,7 @@ def _nearest_in_disorder(t: Floats, others: Floats, max_diff: float) -> Ints:
     return np.where(np.minimum(to_below, to_above) <= max_diff, found, -1)
 
 
-def associate(
-    t_reference: Floats, t_estimate: Floats, max_diff: float = 0.01, offset: float = 0.0
-) -> tuple[Ints, Ints]:
+def associate(t_reference: Floats, t_estimate: Floats, max_diff: float = 0.01) -> tuple[Ints, Ints]:
     """Pairs of poses of a reference and an estimate, as evo's `associate_trajectories` has them.
 
     The shorter trajectory is walked through, the estimate when both are of equal length.
@@ -74,7 +72,6 @@ def associate(
         t_reference: stamps (n,) [s].
         t_estimate: stamps (m,) [s].
         max_diff: largest difference of the stamps of a pair [s].
-        offset: added to the estimate's stamps [s].
 
     Returns:
         Indices (k,) into the reference and indices (k,) into the estimate.
@@ -83,9 +80,9 @@ def associate(
         EstimationError: no stamps are near enough.
     """
     if len(t_estimate) > len(t_reference):
-        reference, estimate = nearest(t_reference, t_estimate + offset, max_diff)
+        reference, estimate = nearest(t_reference, t_estimate, max_diff)
     else:
-        estimate, reference = nearest(t_estimate, t_reference - offset, max_diff)
+        estimate, reference = nearest(t_estimate, t_reference, max_diff)
     if len(reference) == 0:
         raise EstimationError(
             f"none of {len(t_reference)} and {len(t_estimate)} stamps lie within {max_diff:g} s of"

@@ -12,11 +12,11 @@ from vrbench.metrics.compared import MM, aligned_eye
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent, summarise
+from vrbench.trajectory import MAX_GAP_PERIODS
 
 # Headsets err by 1-2 mm and tremble by less from sample to sample; in the published recordings the
 # jumps were of 20-50 mm. A clock 5 ms off makes up 0.4 mm at the hardest acceleration of a head.
 JUMP_M = 0.010
-MAX_GAP_PERIODS = 2.5
 
 
 def jump_sizes(t: Ints, error: Floats) -> Floats:

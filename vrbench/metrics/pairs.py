@@ -1,66 +1,23 @@
-"""Pairs of poses a given delta apart: in frames, in metres of path, in angle, in time."""
+"""Pairs of poses a given delta apart: in frames, in metres of path, in time, end to end."""
 
 from __future__ import annotations
 
-import math
 from itertools import pairwise
 
 import numpy as np
 
-from vrbench.errors import EstimationError
-from vrbench.geometry import Floats, Ints, Transform, relative_angle
+from vrbench.geometry import Floats, Ints
 from vrbench.metrics.association import nearest
 from vrbench.metrics.scored import ScoredTake
 from vrbench.trajectory import NS
 
 Pairs = tuple[Ints, Ints]
 
-UNITS = ("frames", "m", "rad", "deg")
 TOLERANCE = 0.1
+"""How far off a pair may be, as a part of delta, where each pose is paired."""
 # Over which times relative errors are told [s], and what they are called.
 RPE_S = (0.1, 1.0, 10.0)
 T, R = "rpe.translation", "rpe.rotation"
-
-
-def find_pairs(
-    pose: Transform,
-    delta: float,
-    unit: str = "frames",
-    *,
-    all_pairs: bool = False,
-    tolerance: float = TOLERANCE,
-) -> Pairs:
-    """Indices (k,) of the first and of the second poses of all pairs, as evo's RPE chooses them.
-
-    Args:
-        pose: the trajectory (n,) the deltas are measured on; evo takes the estimate.
-        delta: distance of the pairs, in `unit`.
-        unit: `frames`, `m`, `rad` or `deg`.
-        all_pairs: one pair from each pose (by angle: all that fit), not only consecutive ones.
-        tolerance: how far a pair may be off, as a part of delta; used with `all_pairs` only.
-
-    Raises:
-        ValueError: an unknown unit, a delta that isn't positive, frames that aren't whole.
-        EstimationError: there is no such pair.
-    """
-    if unit not in UNITS:
-        raise ValueError(f"unknown unit {unit!r}: one of {', '.join(UNITS)}")
-    if not delta > 0:
-        raise ValueError(f"delta is {delta:g}, it must be positive")
-    if unit == "frames":
-        if delta != int(delta):
-            raise ValueError(f"delta is {delta:g} frames, it must be a whole number")
-        first, second = pairs_by_frames(len(pose), int(delta), all_pairs=all_pairs)
-    elif unit == "m":
-        first, second = pairs_by_path(pose.p, delta, tolerance * delta, all_pairs=all_pairs)
-    else:
-        angle = math.radians(delta) if unit == "deg" else delta
-        first, second = pairs_by_angle(pose.q, angle, tolerance * angle, all_pairs=all_pairs)
-    if len(first) == 0:
-        raise EstimationError(
-            f"no two of {len(pose)} poses are {delta:g} {unit} apart", fix="a smaller delta"
-        )
-    return first, second
 
 
 def pairs_by_frames(n: int, delta: int, *, all_pairs: bool = False) -> Pairs:
@@ -69,18 +26,15 @@ def pairs_by_frames(n: int, delta: int, *, all_pairs: bool = False) -> Pairs:
     return first, first + delta
 
 
-def pairs_by_path(p: Floats, delta: float, tolerance: float, *, all_pairs: bool = False) -> Pairs:
-    """Poses with `delta` [m] of path between them.
-
-    End to end, a pair closes with the first pose at or beyond delta; with `all_pairs` each pose
-    is paired with the one nearest to delta, if it lies within the tolerance [m].
+def pairs_by_path(p: Floats, delta: float, tolerance: float) -> Pairs:
+    """From each pose one pair: with the pose nearest to `delta` [m] of path later.
 
     Args:
         p: positions (n, 3) [m].
+        delta: distance of the pairs [m].
+        tolerance: how far a pair may be off [m].
     """
     steps = np.linalg.norm(np.diff(p, axis=0), axis=1)
-    if not all_pairs:
-        return end_to_end(steps, delta)
     n = len(p)
     path = np.concatenate(([0.0], np.cumsum(steps)))
     first = np.arange(max(n - 1, 0))
@@ -94,27 +48,6 @@ def pairs_by_path(p: Floats, delta: float, tolerance: float, *, all_pairs: bool 
     second = np.where(off_short <= off_long, short, long)
     keep = np.minimum(off_short, off_long) <= tolerance
     return first[keep], second[keep]
-
-
-def pairs_by_angle(q: Floats, delta: float, tolerance: float, *, all_pairs: bool = False) -> Pairs:
-    """Poses turned by `delta` [rad] against each other.
-
-    End to end, the turns between neighbours add up and a pair closes at or beyond delta. With
-    `all_pairs` every pair whose relative angle lies within the tolerance [rad] is taken, which
-    takes time in the square of the number of poses.
-
-    Args:
-        q: unit quaternions (n, 4).
-    """
-    if not all_pairs:
-        return end_to_end(relative_angle(q[:-1], q[1:]), delta)
-    firsts, seconds = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for i in range(len(q) - 1):
-        angle = relative_angle(q[i], q[i + 1 :])
-        found = np.flatnonzero((angle >= delta - tolerance) & (angle <= delta + tolerance))
-        firsts.append(np.full(len(found), i, dtype=np.int64))
-        seconds.append(found + i + 1)
-    return np.concatenate(firsts), np.concatenate(seconds)
 
 
 def pairs_by_time(t: Ints, delta_ns: int, tolerance_ns: int) -> Pairs:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from vrbench.geometry import (
-    Bools,
     Floats,
     Ints,
     quat_conjugate,
@@ -67,8 +66,3 @@ def slot_means(values: Floats, slot: Ints, slots: int) -> Floats:
 def deviations(values: Floats, slot: Ints) -> Floats:
     """Values (n, k) less the mean of their slot."""
     return values - slot_means(values, slot, int(slot.max()) + 1)[slot] if len(slot) else values
-
-
-def within(slot: Ints, chosen: Ints) -> Bools:
-    """Which samples (n,) lie in one of the chosen slots."""
-    return np.isin(slot, chosen)

@@ -30,9 +30,10 @@ from pydantic import (
 )
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.geometry import Transform, relative_angle
+from vrbench.geometry import Z_UP, Transform, relative_angle
 from vrbench.motion.motion import Motion, relative_to_first
-from vrbench.trajectory import NS, Trajectory, read_tum, write_tum
+from vrbench.text_file import replace_text
+from vrbench.trajectory import NS, Trajectory, checked_trajectory, read_tum, tum_text
 
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 NOTHING = {"none", "no", "unknown", "n/a", "-", "?", "tbd", "todo"}
@@ -101,8 +102,11 @@ def read_motion(path: Path) -> Motion:
         DataError: no such file, and as `vrbench.trajectory.read_tum`; the rows don't begin at 0
             with the identity, haven't the rate that the header says, or have holes or leaps.
     """
-    header = read_header(path)
-    rows = read_tum(path)
+    return _checked(read_header(path), read_tum(path), path)
+
+
+def _checked(header: Header, rows: Trajectory, path: Path) -> Motion:
+    """The motion that a file's header and rows make; errors as `read_motion`."""
     if len(rows) < 2 or rows.t[0] != 0:
         raise DataError("its rows don't begin at 0 s, or are fewer than two", file=path)
     _check_frame(rows.pose[0], path)
@@ -118,7 +122,7 @@ def read_motion(path: Path) -> Motion:
     _check_size(rows, path)
     _check_steps(rows, path)
     if header.up == "z":
-        rows = rows.mapped(_y_up)
+        rows = rows.mapped(Z_UP.to_openxr)
     title = ", ".join(x for x in (header.motion, header.game, header.posture) if x)
     return Motion(header.name, title, rows, header.source)
 
@@ -229,21 +233,25 @@ def read_header(path: Path) -> Header:
 def write_motion(path: Path, header: Header, trajectory: Trajectory) -> Motion:
     """Writes poses, `T_world_eye` with y up, as a motion file relative to the first of them.
 
+    Its folder is made. Nothing is written of a motion that would be refused when it is read.
+
     Returns:
         the motion as it reads back.
 
     Raises:
         ConfigError: the file is there already.
+        DataError: as `read_motion`: the poses haven't the header's rate, or have holes or leaps.
     """
     if path.exists():
         raise ConfigError("is there already", file=path, fix="name a file that is not")
     rows = relative_to_first(trajectory)
-    write_tum(rows, path)
+    motion = _checked(header, checked_trajectory(rows.t, rows.pose.p, rows.pose.q, path), path)
     content = header.model_dump(exclude_none=True)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     head = "".join(f"# {line}\n" for line in text.splitlines())
-    path.write_text(head + path.read_text(encoding="utf-8"), encoding="utf-8")
-    return read_motion(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_text(path, head + tum_text(rows))
+    return motion
 
 
 def resampled(trajectory: Trajectory, rate_hz: float, *, max_gap_s: float) -> Trajectory:
@@ -264,11 +272,3 @@ def resampled(trajectory: Trajectory, rate_hz: float, *, max_gap_s: float) -> Tr
     t = trajectory.t[0] + np.rint(np.arange(count) / rate_hz * NS).astype(np.int64)
     t = t[t <= trajectory.t[-1]]
     return Trajectory(t, trajectory.at(t))
-
-
-def _y_up(pose: Transform) -> Transform:
-    p, q = pose.p, pose.q
-    return Transform(
-        np.stack((p[..., 0], p[..., 2], -p[..., 1]), axis=-1),
-        np.stack((q[..., 0], q[..., 2], -q[..., 1], q[..., 3]), axis=-1),
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
@@ -262,9 +262,16 @@ def pick(things: Mapping[str, Spec], name: str, what: str, *, field: str, file: 
 
 
 def check_options(
-    options: Mapping[str, Any], model: type[Options], *, field: str, file: str | None
+    options: Mapping[str, Any],
+    model: type[Options],
+    *,
+    field: str,
+    file: str | None,
+    beside: Collection[str] = (),
 ) -> Options:
     """A device's or format's options, validated by its plugin's own model.
+
+    Those named in `beside` stand in the file beside `field`, not in it.
 
     Raises:
         ConfigError: an option is unknown, missing or wrong.
@@ -272,7 +279,7 @@ def check_options(
     if file is None or not Path(file).is_file():
         return validate(dict(options), model, f"{file}: {field}" if file else field)
     under = [int(part) if part.isdecimal() else part for part in field.split(".")]
-    return validate(dict(options), model, file, load_yaml(Path(file))[1], under)
+    return validate(dict(options), model, file, load_yaml(Path(file))[1], under, beside)
 
 
 def titles(things: Mapping[str, Any]) -> Sequence[tuple[str, str]]:

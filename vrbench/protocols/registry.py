@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 
 from vrbench import protocols
+from vrbench.errors import ConfigError
 from vrbench.protocols.protocol import Protocol
 
 
@@ -17,3 +18,19 @@ def builtin_protocols() -> list[Protocol]:
     )
     found = [module.PROTOCOL for module in modules if hasattr(module, "PROTOCOL")]
     return sorted(found, key=lambda protocol: protocol.name)
+
+
+def find_protocol(name: str) -> Protocol:
+    """The protocol of this name.
+
+    Raises:
+        ConfigError: there is none; says which there are.
+    """
+    known = {protocol.name: protocol for protocol in builtin_protocols()}
+    if name not in known:
+        raise ConfigError(
+            f"no protocol is called {name!r}",
+            field="--protocol",
+            fix=f"there are {', '.join(known)}",
+        )
+    return known[name]

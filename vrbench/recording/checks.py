@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from vrbench.errors import DataError
-from vrbench.geometry import Floats, Ints, Transform, continuous_signs, quat_normalize
+from vrbench.geometry import Floats, Ints, Transform, continuous_signs
 from vrbench.recording.importer import Imported
 from vrbench.streams import Samples
-from vrbench.trajectory import NS, QUATERNION_TOLERANCE
+from vrbench.trajectory import NS, checked_poses
 
 MAX_DROPPED = 1e-3
 """The part of a file's poses that may be dropped for their stamps; one pose always may."""
@@ -83,29 +84,7 @@ def with_invalid(imported: Imported, t: Ints) -> Imported:
     nothing = Transform(np.zeros((len(t), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
     both = Samples.concatenate([imported.samples, Samples.of(t, nothing, flags=0)])
     order = np.argsort(both.pose_t, kind="stable")
-    return Imported(both[order], imported.repairs)
-
-
-def checked_poses(p: Floats, q: Floats, *, file: Path, row: str = "pose") -> Transform:
-    """Poses (n,) of positions (n, 3) [m] and quaternions (n, 4) that `file` claims.
-
-    Raises:
-        DataError: a value that isn't finite, a quaternion far from unit length.
-    """
-    for name, values in (("position", p), ("quaternion", q)):
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(bad):
-            raise DataError(f"{name} of {row} {bad[0] + 1} is not finite", file=file)
-    with np.errstate(over="ignore"):  # a length past all numbers is refused just below
-        length = np.linalg.norm(q, axis=1)
-    bad = np.flatnonzero(np.abs(length - 1.0) > QUATERNION_TOLERANCE)
-    if len(bad):
-        raise DataError(
-            f"quaternion of {row} {bad[0] + 1} has length {length[bad[0]]:.4g}",
-            file=file,
-            fix="unit quaternions, order x y z w",
-        )
-    return Transform(p, quat_normalize(q))
+    return replace(imported, samples=both[order])
 
 
 def increasing(t: Ints, *, file: Path, row: str = "pose") -> npt.NDArray[np.intp]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from vrbench.errors import DataError
-from vrbench.geometry import Bools, Floats, Transform, matrix_to_quat, quat_to_matrix
+from vrbench.geometry import Bools, Floats, Transform, matrix_to_quat
 
 ROUNDS = 3
 LEAST_PART = 0.5
@@ -124,8 +124,3 @@ def _poses(shape: Floats, markers: Floats, there: Bools) -> tuple[Floats, Floats
     # two points, or several on a line, leave a turn open
     enough = (there.sum(axis=1) >= 3) & (s[:, 1] > LEAST_SINE**2 * s[:, 0])
     return turn, shift, np.where(enough, residual, np.nan)
-
-
-def markers_of(shape: Floats, pose: Transform) -> Floats:
-    """Where markers (k, 3) of a body are at poses (n,): (n, k, 3)."""
-    return np.einsum("nij,kj->nki", quat_to_matrix(pose.q), shape) + pose.p[:, None]

@@ -9,12 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vrbench.streams import Samples
-from vrbench.trajectory import NS
+from vrbench.trajectory import MAX_GAP_PERIODS, NS
 
 # The rate is that of the last moments.
 RATE_NS = 3 * NS
-# A step of so many usual ones leaves a sample out.
-GAP_PERIODS = 2.5
 # Steps that the usual one is the median of.
 STEPS = 501
 # Plans are told whole, ahead of time: they are no stream whose rate or gaps mean anything.
@@ -93,7 +91,7 @@ class Monitor:
         stream.steps.extend(steps[-STEPS:].tolist())
         if stream.steps:
             usual = float(np.median(stream.steps))
-            stream.gaps += int(np.count_nonzero(steps > GAP_PERIODS * usual))
+            stream.gaps += int(np.count_nonzero(steps > MAX_GAP_PERIODS * usual))
         stream.last_t, stream.heard = int(t[-1]), now
         stream.received += len(samples)
         good = int(np.count_nonzero(samples.good))

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from io import StringIO
 from typing import Any
 
+from vrbench.digits import significant
 from vrbench.results.board import STATISTICS, Board, Entry, Leaderboard, notes
 
 SCHEMA_VERSION = 1
@@ -96,13 +97,6 @@ FORMATS: Mapping[str, Callable[[Leaderboard], str]] = {
     "latex": as_latex,
     "json": as_json,
 }
-
-
-def significant(value: float | None, digits: int = 4) -> str:
-    """So many digits that count, and no exponent where people don't expect one."""
-    if value is None:
-        return ""
-    return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
 
 
 def _flat(board: Board, entry: Entry) -> dict[str, Any]:

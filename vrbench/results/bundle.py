@@ -11,9 +11,10 @@ from typing import Any, Literal
 from vrbench.config.yaml_file import validate
 from vrbench.errors import ConfigError, DataError
 from vrbench.recording.take import read_take
-from vrbench.results.files import file_digest, file_size, inside, replace_text
+from vrbench.results.files import file_digest, file_size, inside
 from vrbench.results.record import RECORD, SCHEMA_VERSION, RunRecord, TakeRecord, utc_now
 from vrbench.streams import Columns
+from vrbench.text_file import replace_text
 
 # More than any run has; what others hand in isn't read beyond it.
 MAX_RECORD_BYTES = 16 << 20

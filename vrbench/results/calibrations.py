@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from vrbench.config.yaml_file import validate
 from vrbench.errors import DataError
 from vrbench.protocols.calibration import Calibration
-from vrbench.results.files import replace_text
+from vrbench.text_file import replace_text
 
 CALIBRATIONS = "calibration.json"
 

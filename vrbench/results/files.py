@@ -1,4 +1,4 @@
-"""Files of a bundle: that they lie in it, what they hold, how they are written."""
+"""Files of a bundle: that they lie in it, and what they hold; folders for what is made of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
-from vrbench.errors import DataError
+from vrbench.errors import ConfigError, DataError
 
 
 def inside(folder: Path, name: str) -> Path:
@@ -37,18 +37,22 @@ def file_size(path: Path) -> int:
     return found.st_size
 
 
-def replace_text(path: Path, text: str) -> None:
-    """Writes a file so that it is, at any moment, the old one or the new one."""
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
-
-
 def file_digest(path: Path) -> str:
     """sha256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def new_folder(path: Path) -> None:
+    """Makes a folder, or takes an empty one.
+
+    Raises:
+        ConfigError: it can't be made, or holds files.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise ConfigError("can't be made", file=path, field="-o", fix=str(error)) from None
+    if not empty:
+        raise ConfigError("holds files already", file=path, field="-o", fix="name a new folder")

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from vrbench.errors import DataError
 from vrbench.metrics.scored import ScoredTake
-from vrbench.results.files import replace_text
 from vrbench.results.record import TakeRecord
 from vrbench.statistics.paired import by_phase
 from vrbench.statistics.uncertainty import error_vectors
+from vrbench.text_file import replace_text
 from vrbench.trajectory import NS
 
 

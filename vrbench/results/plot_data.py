@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from vrbench.config.yaml_file import validate
 from vrbench.errors import DataError
 from vrbench.geometry import Floats
-from vrbench.results.files import replace_text
+from vrbench.text_file import replace_text
 
 LARGEST_FILE = 32 << 20
 MISSING = 0xFFFF

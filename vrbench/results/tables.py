@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from vrbench.errors import DataError
-from vrbench.results.files import replace_text
+from vrbench.text_file import replace_text
 
 # Worst first: pooled rows take the worst status of what they pool.
 STATUSES = ("failed", "invalid", "extrapolated", "unbracketed", "skipped", "ok")

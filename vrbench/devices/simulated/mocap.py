@@ -12,14 +12,13 @@ from vrbench.clocks import Exchanges
 from vrbench.devices.ports import MocapSpec, Session
 from vrbench.devices.simulated.noise import losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
+from vrbench.devices.simulated.worlds import Y_UP
 from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat
 from vrbench.streams import GOOD, Columns, Samples
 from vrbench.trajectory import NS
 
 # The body's pivot on the mount, beside the headset.
 T_TCP_BODY = Transform.of((0.05, 0.12, 0.24), (0.69, 0.05, -0.08, 0.72))
-# From base axes (z up) to the room's (y up).
-Y_UP = Transform.of((0.0, 0.0, 0.0), (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
 EXCHANGE_S = 0.25
 WAY_NS = 60_000
 

@@ -75,17 +75,22 @@ def correlated(
 def losses(
     rng: np.random.Generator, per_minute: float, length_s: float
 ) -> Callable[[Floats], Bools]:
-    """Random stretches of fixed length, Poisson in time, in the first four hours.
+    """Random stretches of fixed length, Poisson in time.
 
     Returns:
         from times (n,) [s] to whether each lies in a stretch.
     """
-    hours = 4
-    count = rng.poisson(per_minute * 60 * hours)
-    starts = np.sort(rng.uniform(0.0, 3600.0 * hours, count))
+    # Drawn four hours at a time, in their order, as far as anybody has asked.
+    span_s, drawn = 4 * 3600.0, 0
+    starts = np.zeros(0)
 
     def at(t: Floats) -> Bools:
-        if not count:
+        nonlocal starts, drawn
+        while len(t) and t.max() >= drawn * span_s:
+            count = rng.poisson(per_minute * span_s / 60.0)
+            fresh = drawn * span_s + np.sort(rng.uniform(0.0, span_s, count))
+            starts, drawn = np.concatenate((starts, fresh)), drawn + 1
+        if not len(starts):
             return np.zeros(len(t), dtype=bool)
         before = np.searchsorted(starts, t, side="right") - 1
         inside: Bools = (before >= 0) & (t - starts[before] < length_s)

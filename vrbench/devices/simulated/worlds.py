@@ -12,7 +12,7 @@ from vrbench.devices.simulated.stage import as_json
 from vrbench.geometry import Floats, Ints, Transform, quat_multiply, quat_rotate, rotvec_to_quat
 from vrbench.trajectory import NS
 
-# From base axes (z up) to a world as runtimes have it (y up).
+# From base axes (z up) to those of a world or a room of cameras (y up).
 Y_UP = Transform.of((0.0, 0.0, 0.0), (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from vrbench.errors import ConfigError, DataError
-from vrbench.geometry import Floats, Transform
+from vrbench.geometry import Z_UP, Floats, Transform
 from vrbench.recording.checks import imported_poses, with_invalid
 from vrbench.recording.file_time import StartOptions, start_ns
 from vrbench.recording.importer import Imported, Importer
@@ -56,7 +56,7 @@ def read(path: Path, options: Options) -> Imported:
     columns = _columns(labels, options.markers, path)
     markers = _positions(content, columns) * UNITS_M[unit.lower()]
     if options.up == "z":
-        markers = np.stack((markers[..., 0], markers[..., 2], -markers[..., 1]), axis=-1)
+        markers = Z_UP.points_to_openxr(markers)
     body = fit_body(markers, tolerance_m=options.tolerance_mm * 1e-3, file=path)
     start, assumed = start_ns(None, options, file=path)
     first = int(content["header"]["points"]["first_frame"])
@@ -65,7 +65,7 @@ def read(path: Path, options: Options) -> Imported:
     seen = body.seen
     pose: Transform = body.pose[seen]
     found = imported_poses(t[seen], pose.p, pose.q, file=path, row="seen frame", repairs=assumed)
-    return replace(with_invalid(found, t[~seen]), markers=body.shape)
+    return with_invalid(replace(found, markers=body.shape), t[~seen])
 
 
 def _load(path: Path) -> Any:

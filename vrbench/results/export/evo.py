@@ -19,13 +19,11 @@ TITLE = "APE w.r.t. translation part (m)\n(with SE(3) Umeyama alignment)"
 
 
 def write_part(part: Part, folder: Path) -> list[Path]:
-    """One zip a point, of the translation's APE [m]; none where X is unknown.
+    """One zip a point, of the translation's APE [m].
 
     Raises:
-        EstimationError: positions that do not determine an alignment.
+        EstimationError: X is unknown, or positions that do not determine an alignment.
     """
-    if part.scored.x is None:
-        return []
     return [_write(part, at, folder) for at in aligned(part.scored)]
 
 

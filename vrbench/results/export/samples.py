@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vrbench.errors import ConfigError
+from vrbench.errors import ConfigError, EstimationError
 from vrbench.geometry import Floats
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.pose_errors import ape_rotation, ape_translation
@@ -41,13 +41,11 @@ def columns(part: Part, at: Compared) -> dict[str, Any]:
 
 
 def write_part(part: Part, folder: Path) -> list[Path]:
-    """One CSV file a point; none where X is unknown.
+    """One CSV file a point.
 
     Raises:
-        EstimationError: positions that do not determine an alignment.
+        EstimationError: X is unknown, or positions that do not determine an alignment.
     """
-    if part.scored.x is None:
-        return []
     return [_write_csv(part, at, folder) for at in aligned(part.scored)]
 
 
@@ -65,12 +63,15 @@ def _text(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:.10g}"
 
 
-def write_parquet(parts: Sequence[Part], rows: Sequence[Row], folder: Path) -> list[Path]:
+def write_parquet(
+    parts: Iterable[Part], rows: Sequence[Row], folder: Path, complain: Callable[[str], None]
+) -> list[Path]:
     """`samples.parquet`, every sample of all takes, and `metrics.parquet`, the metric table.
+
+    `complain` is told of each take that gives no errors, and why.
 
     Raises:
         ConfigError: pyarrow isn't installed.
-        EstimationError: positions that do not determine an alignment.
     """
     try:
         arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
@@ -81,7 +82,7 @@ def write_parquet(parts: Sequence[Part], rows: Sequence[Row], folder: Path) -> l
             fix="pip install 'vrbench[parquet]'",
         ) from None
     written = []
-    tables = [arrow.table(dict(found)) for found in _labelled(parts)]
+    tables = [arrow.table(dict(found)) for found in _labelled(parts, complain)]
     if tables:
         path = folder / "samples.parquet"
         parquet.write_table(arrow.concat_tables(tables), path, compression="zstd")
@@ -94,11 +95,16 @@ def write_parquet(parts: Sequence[Part], rows: Sequence[Row], folder: Path) -> l
     return [*written, path]
 
 
-def _labelled(parts: Sequence[Part]) -> Iterator[Mapping[str, Any]]:
+def _labelled(
+    parts: Iterable[Part], complain: Callable[[str], None]
+) -> Iterator[Mapping[str, Any]]:
     for part in parts:
-        if part.scored.x is None:
+        try:
+            points = list(aligned(part.scored))
+        except EstimationError as error:
+            complain(f"{part.stem}: {error}")
             continue
-        for at in aligned(part.scored):
+        for at in points:
             found = columns(part, at)
             n = len(found["t_ns"])
             labels = {

@@ -14,6 +14,7 @@ from importlib.resources import files
 from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
+from vrbench.digits import significant
 from vrbench.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -72,10 +73,7 @@ def style() -> str:
 
 def number(value: float | None, digits: int = 4) -> str:
     """A number as tables show it, with a true minus; nothing for None."""
-    if value is None:
-        return ""
-    text = f"{value:.{digits}g}" if abs(value) < 1e4 else f"{value:.0f}"
-    return text.replace("-", "\N{MINUS SIGN}")
+    return significant(value, digits).replace("-", "\N{MINUS SIGN}")
 
 
 def fixed(value: float | None, decimals: int) -> str:

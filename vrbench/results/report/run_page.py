@@ -13,7 +13,6 @@ from vrbench.config.suite import Suite
 from vrbench.geometry import quat_to_rotvec
 from vrbench.results.bundle import Bundle
 from vrbench.results.calibrations import CALIBRATIONS, CalibrationRecord, parse_calibrations
-from vrbench.results.files import replace_text
 from vrbench.results.leaderboard import leaderboard
 from vrbench.results.plot_data import curves_file, parse_curves
 from vrbench.results.report.pages import json_text, render
@@ -29,6 +28,7 @@ from vrbench.results.report.run_tables import (
     shown,
 )
 from vrbench.results.tables import parse_cells, rows_of
+from vrbench.text_file import replace_text
 
 REPORT = "report.html"
 # More rows than these would make a table that nobody reads and a page that is slow to load.

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vrbench.errors import ConfigError, VrbenchError
+from vrbench.errors import VrbenchError
 from vrbench.results.board import STATISTICS, Board, Entry, Leaderboard, notes
 from vrbench.results.bundle import Bundle
 from vrbench.results.collection import without_collection
+from vrbench.results.files import new_folder
 from vrbench.results.report.pages import SCRIPT, STYLE, render, script, style
 from vrbench.results.report.run_page import Site, Stand, run_page
 
@@ -55,7 +56,7 @@ def write_site(
     Raises:
         ConfigError: the folder holds files or can't be made, or jinja2 isn't installed.
     """
-    _make(out)
+    new_folder(out)
     (out / SCRIPT).write_text(script(), encoding="utf-8")
     (out / STYLE).write_text(style(), encoding="utf-8")
     boards = _named([board.key.suite + "-" + board.key.case for board in found.boards], "board")
@@ -77,16 +78,6 @@ def write_site(
     (out / RUNS).write_text(
         render("runs.html.j2", shared=True, home=HOME, lines=lines), encoding="utf-8"
     )
-
-
-def _make(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        empty = not any(out.iterdir())
-    except OSError as error:
-        raise ConfigError("can't be made", file=out, field="-o", fix=str(error)) from None
-    if not empty:
-        raise ConfigError("holds files already", file=out, field="-o", fix="name a new folder")
 
 
 def _named(names: Iterable[str], kind: str) -> list[str]:

@@ -99,10 +99,6 @@ class OpenXRHeadset:
             "world": self._world,
         }
 
-    def mark(self, name: str) -> None:
-        """Writes a mark into the take."""
-        self._on_event("mark", {"name": name})
-
     def stop(self) -> None:
         """The take ends."""
         with self._lock:

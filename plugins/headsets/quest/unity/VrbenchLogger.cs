@@ -26,7 +26,7 @@ namespace Vrbench
 
         const byte Version = 1;
         const byte Hello = 1, Poses = 2, Pong = 3, Done = 4, Happened = 5;
-        const byte Ping = 16, Start_ = 17, Stop = 18, Mark = 19;
+        const byte Ping = 16, Start_ = 17, Stop = 18;
         const int HeadBytes = 14;
         // OpenXR's location flags, as vrbench has them.
         const int OrientationValid = 1, PositionValid = 2, OrientationTracked = 4, PositionTracked = 8;
@@ -414,10 +414,6 @@ namespace Vrbench
                     break;
                 case Stop:
                     if (done.Add(number)) orders.Enqueue(End);
-                    break;
-                case Mark:
-                    string mark = Encoding.UTF8.GetString(data, rest, data.Length - rest);
-                    if (done.Add(number)) orders.Enqueue(() => Tell("note", mark));
                     break;
                 default:
                     return;

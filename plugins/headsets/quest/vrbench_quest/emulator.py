@@ -128,8 +128,6 @@ class Logger:
             ]
         elif kind == wire.STOP:
             self._end()
-        elif kind == wire.MARK:
-            self.tell("note", rest.decode())
 
     def _end(self) -> None:
         if self._take and self._folder is not None:

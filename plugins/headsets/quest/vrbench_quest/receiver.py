@@ -107,10 +107,6 @@ class Receiver:
         """Tells the logger to end the take; whether it has said that it did."""
         return self._order(wire.STOP, b"", seconds)
 
-    def mark(self, name: str, seconds: float) -> bool:
-        """Tells the logger to write a mark into its log."""
-        return self._order(wire.MARK, name.encode()[:200], seconds)
-
     def _order(self, kind: int, body: bytes, seconds: float) -> bool:
         """Sends a command, again and again, until it is answered or time is up."""
         self._command += 1

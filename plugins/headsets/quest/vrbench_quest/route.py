@@ -148,11 +148,6 @@ class QuestLogger:
         facts = {name: str(told[key]) for key, name in names.items() if key in told}
         return {**facts, "world": self.link.world}
 
-    def mark(self, name: str) -> None:
-        """Writes a mark into the take, and into the log on the headset."""
-        self.link.mark(self._host.now(), name)
-        self.receiver.mark(name, ANSWER_S)
-
     def read(self) -> Columns:
         """What has arrived since the last call, and whose times are known."""
         return self.link.take()

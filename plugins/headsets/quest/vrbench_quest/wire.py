@@ -23,7 +23,7 @@ LARGEST = 1400
 # From the headset.
 HELLO, POSES, PONG, DONE, EVENT = 1, 2, 3, 4, 5
 # To the headset.
-PING, START, STOP, MARK = 16, 17, 18, 19
+PING, START, STOP = 16, 17, 18
 TOKEN_BYTES = 8
 
 BATCH = struct.Struct("<IH")

@@ -529,20 +529,17 @@ def test_a_fixed_token_lets_a_session_outlive_the_recorder(serving, wait_for):
         page.disconnect()
 
 
-def test_marks_and_takes_are_shown_on_the_page(headset, page, wait_for):
+def test_takes_are_shown_on_the_page(headset, page, wait_for):
     headset.start("replay.default.m1.r2")
-    headset.mark("lamp off")
     headset.stop()
-    wait_for(lambda: len(page.heard) >= 4)
+    wait_for(lambda: len(page.heard) >= 3)
     welcome, *said = page.heard
     assert welcome["type"] == "welcome"
     assert welcome["take"] is None
     assert said == [
         {"type": "take", "name": "replay.default.m1.r2"},
-        {"type": "mark", "name": "lamp off"},
         {"type": "take", "name": None},
     ]
-    assert events_of(headset.read(), "mark") == [{"name": "lamp off"}]
 
 
 def test_the_recorder_writes_a_take_that_reads_back(headset, page, tmp_path):

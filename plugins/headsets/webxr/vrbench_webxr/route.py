@@ -114,12 +114,6 @@ class WebXRHeadset:
             "world": self.link.world,
         }
 
-    def mark(self, name: str) -> None:
-        """Writes a mark into the take, and shows it on the page."""
-        self.link.mark(self._host.now(), name)
-        if self._server is not None:
-            self._server.mark(name)
-
     def read(self) -> Columns:
         """What has arrived since the last call, and whose times are known."""
         return self.link.take()

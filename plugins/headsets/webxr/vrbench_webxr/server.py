@@ -146,10 +146,6 @@ class Server:
         self._take = name
         self._tell(message("take", name=name))
 
-    def mark(self, name: str) -> None:
-        """Shows a mark on the page."""
-        self._tell(message("mark", name=name))
-
     def _tell(self, text: str) -> None:
         loop, connection = self._loop, self._connection
         if loop is None or connection is None:

@@ -77,7 +77,9 @@ def test_rig_check_says_what_is_there_and_what_is_wrong(motive, tmp_path):
     rig = tmp_path / "lab.yaml"
     rig.write_text(RIG.format(port=server.port, body="headset"))
     ran = vrbench("rig", "check", str(rig))
-    assert (ran.returncode, ran.stderr) == (0, "")
+    # this rig's headset rides on a simulated stage, and a run with it would be refused
+    assert (ran.returncode, ran.stderr) == (1, "1 thing is wrong\n")
+    assert "WRONG headset: is simulated, and other devices of the rig are not" in ran.stdout
     assert "ok    headset sim: simulated" in ran.stdout
     assert "ok    mocap optitrack: Motive 3.1 answers" in ran.stdout
     rig.write_text(RIG.format(port=server.port, body="hmd"))

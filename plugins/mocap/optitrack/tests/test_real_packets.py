@@ -49,7 +49,7 @@ def test_a_frame_of_3_0(natnet):
         assert (body.id, body.params, body.mean_error) == (x["id_"], x["_params"], x["mean_error"])
         assert (body.position, body.orientation) == (tuple(x["position"]), tuple(x["orientation"]))
     for marker, x in zip(frame.labeled_markers, want["labelled_markers"], strict=True):
-        assert (marker.model_id, marker.marker_id) == (x["model_id"], x["marker_id"])
+        assert divmod(marker.id, 1 << 16) == (x["model_id"], x["marker_id"])
         assert marker.position == tuple(x["position"])
         got = (marker.size, marker.params, marker.residual)
         assert got == (x["size"], x["_params"], x["residual"])
@@ -157,7 +157,7 @@ def test_frames_of_later_versions(natnet, version):
     turns = re.findall(r"Orientation : \[([^]]*)\]", said)
     assert [", ".join(f"{x:.2f}" for x in body.orientation) for body in frame.bodies] == turns
     markers = re.findall(r"\[MarkerID: (\d+)\] \[ModelID: (\d+)\]", said)
-    got = [(str(m.marker_id), str(m.model_id)) for m in frame.labeled_markers]
+    got = [(str(m.id & 0xFFFF), str(m.id >> 16)) for m in frame.labeled_markers]
     assert got == markers
     # the sample prints the residual in thousandths
     residuals = [float(x) / 1e3 for x in re.findall(r"err:\s+\[([^]]*)\]", said)]

@@ -63,7 +63,10 @@ def decode_bodies(packet: bytes, version: Version) -> BodyFrame:
 
 
 def _bodies_hurried(packet: bytes, layout: Layout) -> BodyFrame | None:
-    """As `_bodies_walked`, at half its time; None where anything is amiss: that says what."""
+    """As `_bodies_walked`, at 40 % of its time; None where anything is amiss: that says what.
+
+    A frame of 10 bodies and 100 markers takes 6 to 9 us, not 15 to 23 (`benchmarks/decode.py`).
+    """
     integer, tail = INT.unpack_from, layout.tail
     end = len(packet)
     if end < 8 or HEADER.unpack_from(packet) != (Message.FRAME, end - 4):

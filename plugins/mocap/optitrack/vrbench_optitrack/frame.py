@@ -67,14 +67,6 @@ class LabeledMarker(NamedTuple):
     params: int
     residual: float
 
-    @property
-    def model_id(self) -> int:
-        return self.id >> 16 & 0xFFFF
-
-    @property
-    def marker_id(self) -> int:
-        return self.id & 0xFFFF
-
 
 class Asset(NamedTuple):
     """A trained markerset: its bodies and markers."""

@@ -101,7 +101,7 @@ def read(path: Path, options: Options) -> Imported:
     found = imported_poses(t[seen], pose.p, pose.q, file=path, row="seen frame", repairs=said)
     spots = markers[seen].reshape(int(seen.sum()), -1, 3) * scale
     offsets = _offsets(spots, pose, options.up) if marked else None
-    return replace(with_invalid(found, t[~seen]), markers=offsets)
+    return with_invalid(replace(found, markers=offsets), t[~seen])
 
 
 def _head(lines: Sequence[str], path: Path) -> _Head:

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from vrbench.geometry import Bools, Floats, Transform, matrix_to_quat
+from vrbench.geometry import Z_UP, Bools, Floats, Transform, matrix_to_quat
 
 Up = Literal["y", "z"]
 DETERMINANT = 0.05
@@ -29,10 +29,4 @@ def is_rotation(matrix: Floats) -> Bools:
 
 def to_y_up(pose: Transform, up: Up) -> Transform:
     """Poses (n,) with y up, in room and body."""
-    if up == "y":
-        return pose
-    p, q = pose.p, pose.q
-    return Transform(
-        np.stack((p[..., 0], p[..., 2], -p[..., 1]), axis=-1),
-        np.stack((q[..., 0], q[..., 2], -q[..., 1], q[..., 3]), axis=-1),
-    )
+    return pose if up == "y" else Z_UP.to_openxr(pose)

@@ -239,15 +239,6 @@ class Cell:
             found[k] = pin.computeCollisions(geometry, contacts, True)
         return found
 
-    def collides_anywhere(self, q: Floats) -> bool:
-        """Whether any of the joint angles (n, 6) collides; stops at the first."""
-        model, data, geometry, contacts = self.model, self._data, self._geometry, self._contacts
-        for angles in q:
-            pin.updateGeometryPlacements(model, data, geometry, contacts, angles)
-            if pin.computeCollisions(geometry, contacts, True):
-                return True
-        return False
-
     def clearance(self, q: Floats) -> tuple[Floats, Ints]:
         """Least distances (n,) [m] at joint angles (n, 6), and which pair (n,) has them."""
         least, which = np.empty(len(q)), np.empty(len(q), dtype=np.int64)

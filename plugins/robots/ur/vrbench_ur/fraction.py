@@ -13,54 +13,38 @@ from vrbench_ur.arms import POSITION
 from vrbench_ur.cell import Cell
 from vrbench_ur.inverse import solve
 
-# What the paper's authors ran: 30 mm, every waypoint of 12 Hz, no jump check.
+# What the paper's authors ran: every waypoint of 12 Hz, no jump check, interpolated every 30 mm,
+# which is a spacing and no tolerance.
 EEF_STEP_M = 0.03
 # MoveIt derives the step of rotation from that of translation; on a head the lever is about this.
 TURN_STEP_RAD = EEF_STEP_M / 0.3
 COARSE_HZ = 12.0
 
 
-def moveit_fraction(
-    waypoints: Transform,
-    start: Floats,
-    cell: Cell,
-    *,
-    step_m: float = EEF_STEP_M,
-    turn_rad: float = TURN_STEP_RAD,
-    jump_threshold: float = 0.0,
-) -> float:
+def moveit_fraction(waypoints: Transform, start: Floats, cell: Cell) -> float:
     """The fraction 0..1 of the flange's waypoints (n,) that can be followed from `start` (6,).
 
     Args:
         waypoints: `T_base_flange` (n,); the first is where the arm stands.
         start: its joint angles there.
         cell: the arm and what is around it.
-        step_m, turn_rad: spacing of the interpolation, not a tolerance.
-        jump_threshold: a step of the joints more than this many times the mean ends the path; 0
-            for no such check.
     """
-    poses, of = _interpolated(waypoints, step_m, turn_rad)
+    poses, of = _interpolated(waypoints)
     solutions = solve(poses, cell.arm.dh)  # (m, 8, 6)
     q = _followed(solutions, start)
     valid = np.abs(q).max(axis=1) <= POSITION.max() if len(q) else np.zeros(0, dtype=bool)
     valid &= (np.abs(q) <= POSITION).all(axis=1)
     valid &= ~cell.collides(q)
     done = int(valid.argmin()) if not valid.all() else len(q)
-    part = _share(done, of, len(waypoints) - 1)
-    if jump_threshold > 0 and done > 1:
-        steps = np.linalg.norm(np.diff(q[:done], axis=0), axis=1)
-        jumps = np.flatnonzero(steps > jump_threshold * steps.mean())
-        if len(jumps):
-            part *= float(jumps[0] + 1) / done
-    return part
+    return _share(done, of, len(waypoints) - 1)
 
 
-def _interpolated(waypoints: Transform, step_m: float, turn_rad: float) -> tuple[Transform, Ints]:
+def _interpolated(waypoints: Transform) -> tuple[Transform, Ints]:
     """Poses behind the first waypoint, and the segment (m,) that each is of."""
     a, b = waypoints[:-1], waypoints[1:]
     apart = np.linalg.norm(b.p - a.p, axis=1)
     angle = relative_angle(a.q, b.q)
-    steps = np.maximum(apart // step_m, angle // turn_rad).astype(np.int64) + 1
+    steps = np.maximum(apart // EEF_STEP_M, angle // TURN_STEP_RAD).astype(np.int64) + 1
     of = np.repeat(np.arange(len(a)), steps)
     first = np.concatenate(([0], np.cumsum(steps)[:-1]))
     u = (np.arange(len(of)) - first[of] + 1) / steps[of]

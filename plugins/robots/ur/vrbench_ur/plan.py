@@ -25,7 +25,7 @@ class UrPlan(Plan):
 
     Attributes:
         arm: the arm's name.
-        rig: sha256 of what it was planned for: arm, tool, payload, surroundings, limits.
+        rig: sha256 of what it was planned for: `rig_digest`.
         path: the joints over time.
         start: where the eye starts.
         branch: which posture.
@@ -50,7 +50,11 @@ class UrPlan(Plan):
 
 
 def rig_digest(arm: Arm, options: Options, mounting: Transform, dh: Dh) -> str:
-    """Of all that a plan hangs on but the motion: a plan for another rig has another."""
+    """Of all that people allow with a plan but the motion: a plan for another rig has another.
+
+    That is the arm, its address, tool, payload, surroundings, limits and mounting, and how it is
+    followed (gain, watchdog, when it is given up). What only logging hangs on is left out.
+    """
     told = options.model_dump(mode="json")
     for name in ("start", "calibration", "rate_hz", "timeout_s"):
         told.pop(name)

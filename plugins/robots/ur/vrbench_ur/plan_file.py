@@ -1,4 +1,4 @@
-"""Plan files: JSON that holds a plan whole, and is refused where it was changed."""
+"""Plan files: a plan as JSON for whoever looks at it, and as text and picture for people."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from vrbench.errors import ConfigError, DataError
-from vrbench.results.files import replace_text
+from vrbench.errors import ConfigError
+from vrbench.text_file import replace_text
 from vrbench_ur.picture import svg
-from vrbench_ur.plan import UrPlan, as_json, plan_hash
-from vrbench_ur.planner import Planner
-from vrbench_ur.spline import DEGREE, JointPath
+from vrbench_ur.plan import UrPlan, as_json
+from vrbench_ur.spline import DEGREE
 
 FORMAT = "vrbench-ur-plan-1"
 DIGITS = 12
@@ -39,43 +38,6 @@ def write_plan(plan: UrPlan, path: Path) -> list[Path]:
     except OSError as error:
         raise ConfigError("can't be written", file=path, field="-o", fix=str(error)) from None
     return [path, picture]
-
-
-def read_path(path: Path, planner: Planner) -> tuple[JointPath, str]:
-    """The joint path of a plan file and its hash, for the rig that it was made for.
-
-    Raises:
-        DataError: no such file, not a plan, or a plan that was changed.
-        ConfigError: the plan is of another robot model or of another rig.
-    """
-    try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError("is no plan", file=path, fix=str(error)) from None
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
-        raise DataError("is no plan", file=path, field="format", fix=FORMAT)
-    if told.get("arm") != planner.arm.name:
-        raise ConfigError(
-            f"is a plan for {told.get('arm')}", file=path, field="arm", fix=planner.arm.name
-        )
-    if told.get("rig") != planner.rig:
-        raise ConfigError(
-            "is a plan for another rig: tool, payload, surroundings, limits or mounting differ",
-            file=path,
-            field="rig",
-            fix="plan the motion again with this rig",
-        )
-    try:
-        spline = told["path"]
-        knots = np.array(spline["knots"], dtype=np.float64)
-        points = np.array(spline["coefficients"], dtype=np.float64)
-        whole = JointPath(knots, points, float(told["lead_in_s"]), float(told["lead_out_s"]))
-        sound = points.shape == (len(knots) - DEGREE - 1, 6) and np.isfinite(points).all()
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError("holds no path", file=path, field="path", fix=str(error)) from None
-    if not sound or plan_hash(planner.rig, whole) != told.get("hash"):
-        raise DataError("was changed after it was made", file=path, field="hash", fix="plan again")
-    return whole, str(told["hash"])
 
 
 def describe(plan: UrPlan) -> Sequence[tuple[str, str]]:

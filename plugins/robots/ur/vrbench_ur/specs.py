@@ -48,6 +48,10 @@ def _check(arm: Arm, options: Options, _session: Session) -> Iterator[Finding]:
     return findings(arm, options)
 
 
+def _where(options: Options) -> str:
+    return options.host
+
+
 @contextmanager
 def _stand_in(_rehearsal: Rehearsal) -> Iterator[Mapping[str, Any]]:
     """The emulated UR5e, which moves as it is told to."""
@@ -69,6 +73,7 @@ ROBOTS = [
         stand_in=_stand_in if arm is UR5E else None,
         planner=partial(_planner, arm),
         real=True,
+        where=_where,
     )
     for arm in ARMS.values()
 ]

@@ -164,9 +164,6 @@ function receive(message, received) {
       note(take === null ? "take ended" : `take ${take}`);
       show();
       break;
-    case "mark":
-      note(`mark: ${message.name}`);
-      break;
   }
 }
 

@@ -7,17 +7,34 @@ that nobody takes an old answer for a new one.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from vrbench.geometry import Transform, rotvec_to_quat
-from vrbench_ur.arms import POSITION
-from vrbench_ur.emulator.twin import TICK_S, rotation
+from vrbench_ur.arms import POSITION, Arm
+from vrbench_ur.emulator.twin import TICK_S, Twin, rotation
 from vrbench_ur.inverse import solve
 
-if TYPE_CHECKING:
-    from vrbench_ur.emulator.controller import Controller
+
+class Asked(Protocol):
+    """What a command is asked of: the controller, as far as answers need it."""
+
+    arm: Arm
+    twin: Twin
+    payload: float
+    cog: list[float]
+    tcp_offset: list[float]
+    out_int: list[int]
+    out_double: list[float]
+
+    def doubles(self, first: int, count: int) -> list[float]:
+        """So many of a command's arguments."""
+        ...
+
+    def watch(self, frequency: float) -> None:
+        """Ends the program when commands come less often than this [Hz]."""
+        ...
 
 
 class Ask(IntEnum):
@@ -37,7 +54,7 @@ class Ask(IntEnum):
     STEADY = 47
 
 
-def answer(command: int, controller: Controller) -> bool:
+def answer(command: int, controller: Asked) -> bool:
     """Does what a command asks, into the output registers; False where it isn't known."""
     doubles, twin = controller.doubles, controller.twin
     match command:
@@ -73,7 +90,7 @@ def answer(command: int, controller: Controller) -> bool:
     return True
 
 
-def _inverse(controller: Controller, near: list[float]) -> bool:
+def _inverse(controller: Asked, near: list[float]) -> bool:
     """Joints that bring the TCP to the pose in the registers, nearest to `near` (6) [rad].
 
     False where the pose is out of reach: the real program ends on that too.

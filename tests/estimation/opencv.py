@@ -1,4 +1,4 @@
-"""OpenCV's five hand-eye methods, for comparison; vrbench itself doesn't rest on them."""
+"""OpenCV's five hand-eye methods, which vrbench's own is compared with."""
 
 from __future__ import annotations
 
