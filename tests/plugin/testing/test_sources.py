@@ -71,6 +71,9 @@ def checked(samples_of=lambda x: x, **more):
         def test_registering_imports_no_vendor_sdk(self):
             pass
 
+        def test_its_plugin_is_whole(self):
+            pass
+
     return {outcome.check: outcome for outcome in Spoilt.run()}
 
 
