@@ -3,13 +3,14 @@ import re
 import subprocess
 import sys
 import textwrap
+from types import SimpleNamespace
 
 import pytest
 from pydantic import BaseModel, ConfigDict
 
 from vrbench.errors import ConfigError
 from vrbench.plugin import PLUGIN_API, builtin, hookspecs
-from vrbench.plugin.manager import BUILTIN, NARROW, Plugins, check_options, pick
+from vrbench.plugin.manager import BUILTIN, NARROW, Plugins, check_options, families_of, pick
 from vrbench.plugin.testing import HeadsetModelConformance, NonconformityError
 
 HOOKS = [name for name in vars(hookspecs) if name.startswith("vrbench_")]
@@ -331,6 +332,27 @@ def test_a_wrong_option_is_shown_by_its_line_and_column(tmp_path):
     rig.write_text("takes:\n  - case: a\n    robot: {format: x,\n      hots: 1}\n")
     with pytest.raises(ConfigError, match=r"lab\.yaml:4:7: takes\.0\.robot\.hots: "):
         check_options({"host": "h", "hots": 1}, Options, field="takes.0.robot", file=str(rig))
+
+
+def test_what_is_not_there_is_shown_by_its_line_and_column(tmp_path):
+    rig = tmp_path / "lab.yaml"
+    rig.write_text("lab: x\nrobot: {plugin: ur9, options: {}}\n")
+    with pytest.raises(
+        ConfigError, match=r"lab\.yaml:2:9: robot\.plugin: no robot is called 'ur9'"
+    ):
+        pick({}, "ur9", "robot", field="robot.plugin", file=str(rig))
+
+
+def test_a_suites_unknown_metric_is_shown_by_its_line_and_column(tmp_path, monkeypatch):
+    monkeypatch.setenv(NARROW, "")
+    file = tmp_path / "s.yaml"
+    file.write_text("suite: s\nmetrics:\n  - ape\n  - clok\nrank: {metric: ape.none}\n")
+    suite = SimpleNamespace(metrics=["ape", "clok"], rank=SimpleNamespace(metric="ape.none"))
+    with pytest.raises(ConfigError, match=r"s\.yaml:4:5: metrics\.1: no metric is called 'clok'"):
+        families_of(suite, Plugins(), str(file))
+    suite.metrics = ["ape"]
+    with pytest.raises(ConfigError, match=r"s\.yaml:5:8: rank\.metric: the suite ranks by"):
+        families_of(suite, Plugins(), str(file))
 
 
 def test_listing_imports_no_vendors_sdk_and_no_scipy():

@@ -14,7 +14,7 @@ import pluggy
 from pydantic import BaseModel
 
 from vrbench import __version__
-from vrbench.config.yaml_file import load_yaml, validate
+from vrbench.config.yaml_file import load_yaml, located, validate
 from vrbench.errors import ConfigError
 from vrbench.plugin import builtin, hookspecs
 from vrbench.plugin.offers import Spec, offered_by_hook, place_of, told, unmarked
@@ -234,7 +234,7 @@ def pick(things: Mapping[str, Spec], name: str, what: str, *, field: str, file: 
         known = ", ".join(sorted(things)) or "none"
         raise ConfigError(
             f"no {what} is called {name!r}",
-            file=file,
+            file=None if file is None else located(file, field),
             field=field,
             fix=f"there are {known}; `vrbench plugin list` tells of broken plugins",
         )
@@ -267,13 +267,14 @@ def families_of(suite: Suite, plugins: Plugins, file: str | None) -> list[Family
         ConfigError: there is no such family, or none of them has the metric it ranks by.
     """
     families = [
-        pick(plugins.metrics, name, "metric", field="metrics", file=file) for name in suite.metrics
+        pick(plugins.metrics, name, "metric", field=f"metrics.{index}", file=file)
+        for index, name in enumerate(suite.metrics)
     ]
     metrics = {metric for family in families for metric in family.units}
     if suite.rank.metric not in metrics:
         raise ConfigError(
             f"the suite ranks by {suite.rank.metric!r}, which none of its metrics gives",
-            file=file,
+            file=None if file is None else located(file, "rank.metric"),
             field="rank.metric",
             fix=f"they give {', '.join(sorted(metrics))}",
         )
