@@ -59,7 +59,7 @@ $(VENV)/demo: $(MANIFESTS) | $(BIN)/python
 	@touch $@
 
 $(VENV)/test: $(MANIFESTS) | $(BIN)/python
-	$(PIP) --editable '.[c3d,evo,lint,parquet,report,test]' $(EDITABLE)
+	$(PIP) --editable '.[c3d,cluster,evo,lint,parquet,report,test]' $(EDITABLE)
 	-$(PIP) $(WITNESSES)
 	@touch $@ $(VENV)/demo
 

@@ -19,6 +19,12 @@ def _no_reports(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["VRBENCH_REPORTS"] = str(tmp_path_factory.mktemp("reports"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Tests neither see nor fill the cache that the user has."""
+    os.environ["VRBENCH_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Real packets and exports of others, where they are at hand."""

@@ -32,7 +32,7 @@ from vrbench.estimation.fit import fit
 from vrbench.estimation.interpolation import PoseSpline
 from vrbench.estimation.model import PARAMETERS, Model, State
 from vrbench.geometry import Floats, Transform, quat_conjugate, quat_multiply, quat_to_rotvec
-from vrbench.metrics.rpe import pairs_of
+from vrbench.metrics.pairs import pairs_of
 from vrbench.motion.generators import generate
 from vrbench.protocols.calibration import mean_skew, mean_x
 from vrbench.protocols.vrbench_1 import calibrate, prepare

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "vrbench"
 
 # From the ground up, as DESIGN's "The house" lists it; the later may import the earlier.
 ORDER = (
-    *("errors", "geometry", "number_text", "trajectory", "clocks", "streams"),
+    *("sources", "errors", "geometry", "number_text", "trajectory", "clocks", "streams"),
     "motion",
     *("estimation", "metrics"),
     "statistics",
@@ -22,6 +22,7 @@ ORDER = (
     *("devices", "recording"),
     "plugin",
     "results",
+    "cache",
     *(
         "opening",
         "permission",
@@ -44,6 +45,7 @@ ORDER = (
         "crosscheck",
         "evaluation",
         "verification",
+        "batch",
     ),
     "exporting",
     "extraction",
@@ -60,6 +62,8 @@ HOME = {
     "rosbags": "recording",
     "pooch": "recording",
     "requests": "recording",
+    "distributed": "cli",
+    "fsspec": "batch",
 }
 NETWORK = {"socket", "socketserver", "asyncio", "http", "urllib", "ssl", "requests", "websockets"}
 

@@ -6,14 +6,15 @@ import json
 
 import pytest
 
-from tests.conftest import Quiet, evaluated
+from tests.conftest import Quiet, evaluated, recorded
 from vrbench.config.rig import load_rig
 from vrbench.config.suite import load_suite
 from vrbench.errors import ConfigError
 from vrbench.plugin.manager import Plugins
 from vrbench.results.bundle import Bundle
 from vrbench.results.files import file_digest
-from vrbench.reusing import reused
+from vrbench.results.record import utc_now
+from vrbench.reusing import _may_tell_of_hands, reused
 from vrbench.runner import record_suite
 
 
@@ -86,3 +87,29 @@ def test_a_run_in_which_the_headset_was_fixed_anew_or_touched_is_refused(
     (run / "run.json").write_text(json.dumps(record))
     with pytest.raises(ConfigError, match="fixed anew"):
         again(short_suite, tmp_path / "next", run)
+
+
+def test_a_run_in_which_cameras_were_covered_is_refused(short_suite_path, tmp_path):
+    text = (
+        short_suite_path.read_text()
+        .replace("repeats: 2,", "")
+        .replace(
+            "anchor: 5 s}",
+            "events: [{after: 0, do: occlude, level: two}, {after: 1, do: uncover}]}",
+        )
+    )
+    covering = tmp_path / "covering.yaml"
+    covering.write_text(text)
+    suite = load_suite(str(covering))
+    earlier = recorded(suite, tmp_path / "earlier", "sim:quest-pro")
+    with pytest.raises(ConfigError, match=r"cameras are covered in replay.default.m1.r1"):
+        again(suite, tmp_path / "next", earlier.folder, "sim:quest-pro")
+    assert not (tmp_path / "next").exists()
+    # of a real headset only what hands did since its last calibration counts
+    record = json.loads((earlier.folder / "run.json").read_text()) | {"kind": "recorded"}
+    record["created"] = utc_now().isoformat()
+    (earlier.folder / "run.json").write_text(json.dumps(record))
+    takes = Bundle.open(earlier.folder).record.takes
+    assert [take.role for take in takes] == ["calibration", "scored", "calibration"]
+    told = list(_may_tell_of_hands(Bundle.open(earlier.folder), takes[-1:]))
+    assert [take.name for take in told] == ["calibrate.default.m1.r2"]

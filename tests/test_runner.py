@@ -322,7 +322,7 @@ def test_a_mount_that_is_over_is_not_recorded_again(tmp_path, going_on, monkeypa
 
 
 def test_a_folder_in_use_is_refused(broken, short_suite):
-    says = f"process {os.getpid()} records into this folder"
+    says = f"process {os.getpid()} is at work in this folder"
     with locked(broken), pytest.raises(ConfigError, match=says):
         run(short_suite, broken, resume=True)
     run(short_suite, broken, resume=True)
@@ -344,7 +344,7 @@ def test_a_lock_dies_with_its_process(tmp_path):
     ) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(ConfigError, match=f"process {holder.pid} records"):
+        with pytest.raises(ConfigError, match=f"process {holder.pid} is at work"):
             locked(tmp_path).__enter__()
         holder.kill()
     assert (tmp_path / "run.lock").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import struct
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from vrbench.results.tables import read_rows, write_rows
 from vrbench.verification import Finding, verify_folder, verify_run
 
 TABLE = "metrics/vrbench-1.csv"
+PLOTS = "metrics/vrbench-1.plots.json"
 TAKE = "takes/replay.default.m1.r1.mcap"
 
 
@@ -66,6 +68,45 @@ def test_numbers_that_the_takes_do_not_give_are_found(run: Path) -> None:
     assert "ape.translation.aligned eye all rmse: value is" in told
     assert "more numbers differ" in told
     assert len(lines) <= 7
+
+
+def entered(run: Path, name: str, change: Callable[[str], str]) -> None:
+    """Changes a file, and its digest too."""
+    (run / name).write_text(change((run / name).read_text()))
+    Bundle.open(run).enter(name)
+
+
+def test_a_calibration_and_curves_that_the_takes_do_not_give_are_found(run: Path) -> None:
+    def nearer(text: str) -> str:
+        found = json.loads(text)
+        (first, *_) = found["protocols"]["vrbench-1"]["robot"]
+        first["tcp_eye"]["p_m"][0] += 1e-6
+        first["tcp_eye_covariance"][5][5] *= 4.0
+        return json.dumps(found)
+
+    def flatter(text: str) -> str:
+        found = json.loads(text)
+        found["takes"][0]["errors"]["eye"]["rms"]["hi"] *= 0.9
+        found["takes"][0]["errors"]["eye"]["quantiles"][-1] *= 0.9
+        del found["takes"][1]
+        return json.dumps(found)
+
+    entered(run, "calibration.json", nearer)
+    entered(run, PLOTS, flatter)
+    told = [re.sub(r" is [^m].*", "", line.removeprefix(f"{run}: ")) for line in found(run)]
+    calibration, replay = "calibrate.default.m1.r1", "replay.default.m1.r1"
+    assert told == [
+        f"calibration.json: robot {calibration}: tcp_eye x",
+        f"calibration.json: robot {calibration}: covariance",
+        f"{PLOTS}: {calibration} robot: errors.eye.rms",
+        f"{PLOTS}: {calibration} robot: errors.eye.quantiles",
+        f"{PLOTS}: {replay} robot: is missing",
+    ]
+
+
+def test_a_file_that_evaluation_makes_must_be_there(run: Path) -> None:
+    edit(run, lambda r: r["files"].pop("calibration.json"))
+    assert found(run) == [f"{run}: calibration.json: is missing: evaluation makes it"]
 
 
 def flip(path: Path) -> None:

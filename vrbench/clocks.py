@@ -53,6 +53,15 @@ class ClockMap:
         return t_device - np.rint(self.offset_ns(t_device)).astype(np.int64)
 
 
+def device_time(clock: ClockMap, t_reference: int) -> int:
+    """The device's time [ns] at a time of the reference [ns]."""
+    t = t_reference
+    # Skews are parts per million, so each round gains five digits.
+    for _ in range(3):
+        t = t_reference + round(float(clock.offset_ns(t)))
+    return t
+
+
 @dataclass(frozen=True, slots=True)
 class Skew:
     """How much a device's clock gains on the reference's, by other takes.

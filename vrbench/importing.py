@@ -181,16 +181,7 @@ def _import_take(
         speed=take.speed,
         repairs=repairs,
     )
-    metadata = {
-        "case": case.id,
-        "role": case.role,
-        "headset": recordings.device.headset,
-        "motion": motion,
-        "motion_digest": record.motion_digest,
-        "stretch": f"{1 / take.speed:.9g}",
-        "logger": recordings.device.logger,
-        "prediction": recordings.device.prediction,
-    }
+    metadata = {**record.facts(bundle.record.device), "headset": recordings.device.headset}
     if take.world is not None:
         metadata["world"] = take.world
     # a person's capture may have no headset

@@ -7,17 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrbench.clocks import ClockMap
+from vrbench.clocks import ClockMap, device_time
 from vrbench.errors import EstimationError
 from vrbench.estimation.fit import fit
 from vrbench.geometry import Floats, Ints, Transform, quat_rotate, quat_to_rotvec
-from vrbench.metrics.clock import device_time
-from vrbench.metrics.compared import MM
+from vrbench.metrics.compared import MM, WORLD_UP
 from vrbench.metrics.registry import Value
 from vrbench.metrics.robust import slope_interval, theil_sen
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent
-from vrbench.metrics.tilt import WORLD_UP
 from vrbench.protocols.protocol import reference_samples
 from vrbench.protocols.stretches import inside, spans
 from vrbench.results.tables import Row

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 from vrbench.config.case import ALL, OPENING, UNCOVERED
@@ -28,7 +28,6 @@ class Movement:
         steps: moves while it is iterated, and yields the part done, 0..1; closed, it stops.
         plan: that a robot carries out; a person has none.
         diary: of what happens meanwhile.
-        facts: what the take is to say of it besides, text by name.
     """
 
     motion: str
@@ -36,7 +35,6 @@ class Movement:
     steps: Generator[float]
     plan: Plan | None = None
     diary: Diary | None = None
-    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 class Mover(Protocol):
@@ -104,11 +102,11 @@ class RobotMover:
         motion = self._motions[case.motion]
         plan = self._robot.plan(at_speed(motion, case.speed))
         opening = None
+        self._go_to(plan)
         if case.looped:
+            # its own first pass is over by now: a robot may be slow in it, and none is in the take
             opening = self._robot.plan(self._motions[OPENING].trajectory)
-        with Interrupt() as interrupt, closing(self._robot.prepare(opening or plan)) as way:
-            for _ in way:
-                interrupt.check()
+            self._go_to(opening)
         diary = Diary(session.host)
         if case.occlude != UNCOVERED:
             diary.before("occlusion", **told(self._occlusion(case.occlude)))
@@ -120,8 +118,13 @@ class RobotMover:
             occlusion=self._occlusion,
             diary=diary,
         )
-        facts = {"loop_s": f"{plan.target.duration_s:.9g}"} if case.looped else {}
-        return Movement(motion.name, motion.digest, course.run(), plan, diary, facts)
+        return Movement(motion.name, motion.digest, course.run(), plan, diary)
+
+    def _go_to(self, plan: Plan) -> None:
+        """Goes to where a plan begins; Ctrl-C ends the way there."""
+        with Interrupt() as interrupt, closing(self._robot.prepare(plan)) as way:
+            for _ in way:
+                interrupt.check()
 
     def cover(self, occlusion: Occlusion) -> None:
         """Has cameras covered: hands are at the headset, so nothing may move before it is allowed.
@@ -164,13 +167,6 @@ def robots_references(suite: Suite, rig: Rig, rig_name: str) -> list[str]:
     Raises:
         ConfigError: the rig has none of them, or no robot.
     """
-    if suite.mover != "robot":
-        raise ConfigError(
-            f"suite {suite.label} is moved by: {suite.mover}",
-            field="mover",
-            fix="this vrbench records suites that a robot or a person moves; "
-            "import the others' recordings",
-        )
     if rig.robot is None:
         raise ConfigError(
             f"suite {suite.label} is moved by a robot, the rig has none",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,7 +48,7 @@ def reused(folder: Path, suite: Suite, record: RunRecord, inputs: Mapping[str, s
 
     Raises:
         ConfigError: no complete run is there, it was made with something else, it is too old, it
-            doesn't end with the calibrations of this suite, or the headset was touched in it.
+            doesn't end with the calibrations of this suite, or the headset was touched since.
     """
     bundle = Bundle.open(folder)
     for what, fix in _differences(bundle, record, inputs):
@@ -58,14 +58,16 @@ def reused(folder: Path, suite: Suite, record: RunRecord, inputs: Mapping[str, s
     mount = max((take.mount for take in bundle.record.takes), default=1)
     if bundle.record.kind == "simulated" and mount > 1:
         raise _unfit(folder, "its simulated headset was fixed anew", "a run of one mount")
-    if bundle.record.suite.get("conditions"):
-        raise _unfit(folder, "hands were at the headset in it", "a run without conditions")
     takes = {}
     for step in suite.schedule():
         if step.case.role == "calibration" and (step.mount, step.repeat) == (1, 1):
             takes[step.name] = _closing(bundle, suite, step.case.id, mount)
     if not takes:
         raise _unfit(folder, f"suite {suite.label} has no calibration", "leave it out")
+    for take in _may_tell_of_hands(bundle, takes.values()):
+        if any(event.kind == "occlusion" for event in bundle.columns(take).events):
+            told = f"hands were at its headset: cameras are covered in {take.name}"
+            raise _unfit(folder, told, "a run that ends with a calibration, uncovered")
     age_s = 0.0
     if bundle.record.kind != "simulated":
         age_s = utc_now().timestamp() - (ended(bundle) or 0) / NS
@@ -73,6 +75,17 @@ def reused(folder: Path, suite: Suite, record: RunRecord, inputs: Mapping[str, s
         told = f"it is {age_s / 60:.0f} min old, the gate is {suite.gate.max_age / 60:g} min"
         raise _unfit(folder, told, "calibrate anew")
     return Reused(bundle, takes)
+
+
+def _may_tell_of_hands(bundle: Bundle, closing: Iterable[TakeRecord]) -> Iterator[TakeRecord]:
+    """The closing calibrations, and what was recorded after the first of them.
+
+    What hands did before, a real calibration has measured; a simulated headset's next run doesn't
+    know of it, so there every take counts.
+    """
+    takes = [take for take in bundle.record.takes if take.status != "skipped"]
+    first = min(takes.index(take) for take in closing)
+    yield from takes if bundle.record.kind == "simulated" else takes[first:]
 
 
 def _closing(bundle: Bundle, suite: Suite, case: str, mount: int) -> TakeRecord:

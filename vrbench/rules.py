@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from zlib import crc32
 
 import numpy as np
 
+from vrbench.cache.stages import Stages
 from vrbench.config.suite import Case, Suite
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
@@ -30,6 +31,7 @@ class Rules:
         families: the metrics to compute.
         protocol: how to score.
         reference: `robot`, `mocap`, or another robot's log that the protocol asks for.
+        stages: what needn't be computed again.
     """
 
     record: RunRecord
@@ -37,6 +39,7 @@ class Rules:
     families: Sequence[Family]
     protocol: Protocol
     reference: str
+    stages: Stages = field(default_factory=Stages)
 
     def row(self, take: TakeRecord, value: Value, verdict: Verdict) -> Row:
         """A value of a take as a row; what has no number says why."""

@@ -94,8 +94,9 @@ def record_suite(
         DiskFullError: the disk is full; the bundle stays, marked incomplete.
         InterruptedRunError: somebody pressed Ctrl-C; the same.
     """
-    if resume and seed is None:
-        seed = Bundle.begun(folder).record.seed
+    if resume:
+        begun = Bundle.begun(folder).record
+        seed = begun.seed if seed is None else seed
     seed = SEED if seed is None else seed
     rehearse(suite, suite.label)
     record = _record(suite, rig, rig_name, plugins, seed, permission, licence, consent)
@@ -109,18 +110,17 @@ def record_suite(
     if reports is not None:
         inputs["conformance.json"] = reports
     steps = list(suite.schedule())
-    todo, mount, bundle = steps, 1, Bundle(folder, record)
-    earlier = None
+    todo, mount, bundle, earlier = steps, 1, Bundle(folder, record), None
     with ExitStack() as stack:
+        if not resume:
+            require_new(folder)
+        stack.enter_context(locked(folder))
         if resume:
             bundle = resumed(folder, record, inputs)
-            stack.enter_context(locked(folder))
             todo, mount = left(bundle, steps)
-        else:
-            require_new(folder)
-            if calibration is not None:
-                earlier = reused(calibration, suite, record, inputs)
-                todo = [step for step in steps if step.name not in earlier.takes]
+        elif calibration is not None:
+            earlier = reused(calibration, suite, record, inputs)
+            todo = [step for step in steps if step.name not in earlier.takes]
         if todo:
             check_room(folder, run_bytes(suite, todo, nominal_rates(rig, rig_name, plugins)))
             devices = open_rig(rig, rig_name, plugins, seed, stack)
@@ -128,19 +128,18 @@ def record_suite(
             mover = _mover(suite, devices, operator, person, permission, mount, resume=resume)
             mover.begin()
         if not resume:
-            stack.enter_context(locked(folder))
             bundle = Bundle.create(folder, record, inputs)
         if earlier is not None:
             earlier.enter(bundle)
+        order = {step.name: place for place, step in enumerate(steps)}
         with _marked(bundle, len(steps)):
             for step in todo:
-                watcher.take(step.name, steps.index(step), len(steps))
+                watcher.take(step.name, order[step.name], len(steps))
                 why = lacking(step.case, devices.profile)
                 if why is None:
                     record_step(bundle, devices, step, mover, watcher, suite)
                 else:
                     skip_step(bundle, step, suite, why)
-        order = {step.name: place for place, step in enumerate(steps)}
         bundle.record.takes.sort(key=lambda take: order[take.name])
         bundle.finish()
     return bundle

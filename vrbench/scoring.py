@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
+from vrbench.cache.stages import family_code
 from vrbench.clocks import Skew
 from vrbench.errors import DataError, EstimationError
 from vrbench.geometry import Floats, Ints, Transform
@@ -80,10 +82,14 @@ def score(
         failures: why the others didn't.
     """
     own = calibrations.get(take.name)
-    try:
-        ready = prepared(rules, take, columns, calibrations)
-    except (EstimationError, DataError) as error:
-        return unscored_take(rules, take, Verdict("failed", str(error)))
+    ready = rules.stages.kept(
+        "prepare",
+        lambda: _prepared_or_why(rules, take, columns, calibrations),
+        *(rules.reference, take.name),
+        given=columns,
+    )
+    if isinstance(ready, str):
+        return unscored_take(rules, take, Verdict("failed", ready))
     whole, parts, covariance = ready.whole, ready.parts, ready.x_covariance
     verdict = verdict_of(rules, take, ready.span, whole, ready.fixing, own, failures)
     rows = list(_own_rows(rules, take, whole))
@@ -92,17 +98,11 @@ def score(
         found = list(_pose_rows(rules, take, segment, part, verdict))
         if isinstance(part, ScoredTake) and part.x is not None:
             if covariance is not None:
-                models = error_models(part)
-                asked = {family.name for family in rules.families}
-                if "rpe" in asked:
-                    models = {**models, **relative_models(part)}
-                found = with_intervals(rules, found, take.name, models, covariance)
-                if "scale" in asked:
-                    ends = scale_intervals(part, covariance)
-                    found = [with_interval(row, ends) for row in found]
-            stated = rules.record.accuracy.get(rules.reference)
-            floor = floor_values(part, stated.metres if stated else None, rules.rng("floor"))
-            found += [rules.row(take, value, verdict) for value in floor]
+                of = rules.reference, take.name, segment
+                compute = partial(_uncertain, rules, take, part, covariance)
+                models, ends = rules.stages.kept("intervals", compute, *of, given=columns)
+                found = [with_interval(row, ends) for row in found]
+            found += [rules.row(take, value, verdict) for value in _floor(rules, take, part)]
         rows += found
     if len(parts) > 1:
         why: dict[Member, str] = {
@@ -111,6 +111,38 @@ def score(
         rows += pool(rows, ("segment",), why)
         models = {}
     return Scored(take, rows, verdict, whole, ready.ready, models, covariance)
+
+
+def _prepared_or_why(
+    rules: Rules, take: TakeRecord, columns: Columns, calibrations: Mapping[str, Calibration]
+) -> Prepared | str:
+    try:
+        return prepared(rules, take, columns, calibrations)
+    except (EstimationError, DataError) as error:
+        return str(error)
+
+
+def _uncertain(
+    rules: Rules, take: TakeRecord, part: ScoredTake, covariance: Floats
+) -> tuple[dict[Key, ErrorModel], dict[tuple[str, str, str], Interval]]:
+    """Models of a part's errors, and the intervals over it alone."""
+    asked = {family.name for family in rules.families}
+    models = dict(error_models(part))
+    if "rpe" in asked:
+        models |= relative_models(part)
+    found = intervals([models], [covariance], [("", "")], rules.rng(take.name))
+    return models, found | (scale_intervals(part, covariance) if "scale" in asked else {})
+
+
+def _floor(rules: Rules, take: TakeRecord, part: ScoredTake) -> list[Value]:
+    """Below what the errors of a part mean nothing."""
+    stated = rules.record.accuracy.get(rules.reference)
+    metres = stated.metres if stated else None
+    return rules.stages.kept(
+        "floor",
+        lambda: list(floor_values(part, metres, rules.rng("floor"))),
+        *(rules.reference, take.name, part.segment),
+    )
 
 
 def unscored_take(rules: Rules, take: TakeRecord, verdict: Verdict) -> Scored:
@@ -223,7 +255,7 @@ def _own_rows(rules: Rules, take: TakeRecord, whole: ScoredTake) -> Iterator[Row
     """What needs no X, of the take as a whole."""
     for family in rules.families:
         if "x" not in family.needs:
-            for row in family_rows(rules, take, family, whole, Verdict()):
+            for row in family_rows(rules, take, family, whole, Verdict(), kept_as="whole"):
                 yield _with_offset_interval(row, whole)
 
 
@@ -244,7 +276,7 @@ def _pose_rows(
         if "x" not in family.needs:
             continue
         if isinstance(part, ScoredTake) and part.x is not None:
-            yield from family_rows(rules, take, family, part, verdict)
+            yield from family_rows(rules, take, family, part, verdict, kept_as=segment)
         else:
             failed = Verdict("failed", part) if isinstance(part, str) else verdict
             for value in absent_values([family]):
@@ -252,22 +284,41 @@ def _pose_rows(
 
 
 def family_rows(
-    rules: Rules, take: TakeRecord, family: Family, part: ScoredTake, verdict: Verdict
+    rules: Rules,
+    take: TakeRecord,
+    family: Family,
+    part: ScoredTake,
+    verdict: Verdict,
+    *,
+    kept_as: str | None = None,
 ) -> list[Row]:
-    """A family's rows. One that fails, a plugin's perhaps, costs its own rows and no others."""
+    """A family's rows. One that fails, a plugin's perhaps, costs its own rows and no others.
+
+    `kept_as` says which part of the take this is, for what is computed once; None to compute it.
+    """
     if family.of_take is None:
         return []
     try:
-        values = [replace(value, segment=part.segment) for value in family.of_take(part)]
-        odd = next((v for v in values if v.value is not None and not np.isfinite(v.value)), None)
-        if odd is not None:
-            raise ValueError(f"{odd.metric} {odd.statistic} is {odd.value}")
+        compute = partial(_values, family, part)
+        of = rules.reference, take.name, str(kept_as)
+        name, code = f"metric {family.name}", family_code(family)
+        once = kept_as is not None
+        values = rules.stages.kept(name, compute, *of, code=code) if once else compute()
     except EstimationError as error:
         verdict, values = Verdict("skipped", str(error)), list(absent_values([family]))
     except Exception as error:
         why = f"metric {family.name} failed: {type(error).__name__}: {error}"
         verdict, values = Verdict("failed", why), list(absent_values([family]))
     return [rules.row(take, value, verdict) for value in values]
+
+
+def _values(family: Family, part: ScoredTake) -> list[Value]:
+    assert family.of_take is not None
+    values = [replace(value, segment=part.segment) for value in family.of_take(part)]
+    odd = next((v for v in values if v.value is not None and not np.isfinite(v.value)), None)
+    if odd is not None:
+        raise ValueError(f"{odd.metric} {odd.statistic} is {odd.value}")
+    return values
 
 
 def absent_values(families: Sequence[Family]) -> Iterator[Value]:

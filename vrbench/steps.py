@@ -48,28 +48,21 @@ def record_step(
     Raises:
         TakeFailedError: a device failed, and the run can't or is not to go on.
     """
-    case, session = step.case, devices.session
+    session = devices.session
     movement = mover.ready(step)
-    metadata = {
-        "case": case.id,
-        "motion": movement.motion,
-        "motion_digest": movement.digest,
-        "logger": bundle.record.device.logger,
-        "prediction": bundle.record.device.prediction,
-    }
-    metadata |= movement.facts
     path = bundle.take_path(step.name)
     # of a run that is gone on with: what stands there isn't whole, or was never entered
     path.unlink(missing_ok=True)
     take = _entry(bundle, step, movement.motion, movement.digest)
     plan = movement.plan
     if plan is not None:
-        take.speed, take.fraction, take.stretch = case.speed, plan.fraction, plan.stretch
+        take.speed, take.fraction, take.stretch = step.case.speed, plan.fraction, plan.stretch
+    metadata = take.facts(bundle.record.device)
+    if plan is not None:
         metadata |= {
             "plan": plan.hash,
             "fraction": f"{plan.fraction:.9g}",
             "planned_duration_s": f"{plan.target.duration_s:.9g}",
-            "stretch": f"{plan.stretch / case.speed:.9g}",
         }
     sources = {**devices.sources, **({"diary": movement.diary} if movement.diary else {})}
     carry_on, failure = suite.on_loss == "continue", None

@@ -25,6 +25,8 @@ from vrbench.geometry import (
 from vrbench.number_text import read_plain
 
 NS = 1_000_000_000
+# Longer intervals than this many periods are missing samples, shorter ones are jitter.
+LATE_PERIODS = 1.5
 QUATERNION_TOLERANCE = 1e-2
 EXACT_S = 1e6
 """Below this, seconds in float64 tell nanoseconds apart: they are 0.12 ns from one to the next."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,22 +15,18 @@ from vrbench.evaluation import evaluate
 from vrbench.plugin.manager import Plugins, families_of
 from vrbench.protocols.registry import builtin_protocols
 from vrbench.results.bundle import Bundle
+from vrbench.results.differences import compared, differences
 from vrbench.results.files import file_digest, inside
-from vrbench.results.phases import read_phases
 from vrbench.results.record import RECORD, RunRecord
-from vrbench.results.tables import read_rows
 
 # What a run that is handed in may have at most.
 MAX_FILES = 10_000
 MAX_FILE_BYTES = 2 << 30
 MAX_RUN_BYTES = 8 << 30
-# How far numbers evaluated again may be off: relative, and in the unit they are printed in.
-RELATIVE, ABSOLUTE = 1e-6, 1e-4
-# Of each table, so many differences are told one by one.
+# Of each file, so many differences are told one by one.
 TOLD = 5
 # Told of what is being done: a run, and what.
 Tell = Callable[[str, str], None]
-Cells = Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,19 +205,19 @@ def _numbers(bundle: Bundle, plugins: Plugins, tell: Tell) -> Iterator[Finding]:
         with TemporaryDirectory(prefix="vrbench-verify-") as folder:
             copy = _copied(bundle, Path(folder))
             evaluate(copy, families, protocol, lambda *_: None)
-            for table, read in ((f"metrics/{name}.csv", _metric_cells), _phases_of(name)):
-                told = list(_differences(read(bundle.folder / table), read(copy.folder / table)))
+            for file, read in compared(name):
+                if file not in bundle.record.files:
+                    if (copy.folder / file).is_file():
+                        yield Finding(run, file, "is missing: evaluation makes it")
+                    continue
+                told = list(differences(read(bundle.folder / file), read(copy.folder / file)))
                 for what in told[:TOLD]:
-                    yield Finding(run, table, what)
+                    yield Finding(run, file, what)
                 if len(told) > TOLD:
-                    yield Finding(run, table, f"{len(told) - TOLD} more numbers differ")
+                    yield Finding(run, file, f"{len(told) - TOLD} more numbers differ")
                 version = bundle.record.versions.get("vrbench")
                 if told and version != __version__:
-                    yield Finding(run, table, f"it is of vrbench {version}, here is {__version__}")
-
-
-def _phases_of(protocol: str) -> tuple[str, Callable[[Path], Iterable[tuple[str, Cells]]]]:
-    return f"metrics/{protocol}.phase.csv", _phase_cells
+                    yield Finding(run, file, f"it is of vrbench {version}, here is {__version__}")
 
 
 def _copied(bundle: Bundle, folder: Path) -> Bundle:
@@ -231,73 +227,6 @@ def _copied(bundle: Bundle, folder: Path) -> Bundle:
         if (bundle.folder / take.file).is_file():
             shutil.copyfile(bundle.folder / take.file, folder / take.file)
     return Bundle(folder, bundle.record.model_copy(deep=True, update={"files": {}}))
-
-
-def _metric_cells(path: Path) -> list[tuple[str, Cells]]:
-    return [
-        (
-            " ".join(cell for cell in row.key[3:] if cell),
-            {
-                "device": row.device,
-                "suite": row.suite,
-                "value": row.value,
-                "ci_low": row.ci_low,
-                "ci_high": row.ci_high,
-                "ci_scope": row.ci_scope,
-                "unit": row.unit,
-                "samples": row.samples,
-                "status": row.status,
-            },
-        )
-        for row in read_rows(path)
-    ]
-
-
-def _phase_cells(path: Path) -> list[tuple[str, Cells]]:
-    return [
-        (
-            f"{r.case} {r.condition} {r.mount} {r.repeat} {r.reference} {r.metric} {r.point} "
-            f"phase {r.phase}",
-            {"mean": r.mean, "mean_square": r.mean_square, "unit": r.unit},
-        )
-        for r in read_phases(path)
-    ]
-
-
-def _differences(
-    stated: Iterable[tuple[str, Cells]], again: Iterable[tuple[str, Cells]]
-) -> Iterator[str]:
-    """Rows that only one of two tables has, and cells that differ."""
-    listed, mine = list(stated), dict(again)
-    names = [name for name, _ in listed]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        yield f"{twice}: stands there twice"
-    for name, cells in listed:
-        if name not in mine:
-            yield f"{name}: evaluated here there is no such number"
-            continue
-        for column, cell in cells.items():
-            if not _same(cell, mine[name][column]):
-                yield f"{name}: {column} is {_shown(cell)}, here {_shown(mine[name][column])}"
-    for name in mine.keys() - set(names):
-        yield f"{name}: is missing"
-
-
-def _same(first: object, second: object) -> bool:
-    if isinstance(first, float) and isinstance(second, float):
-        return abs(first - second) <= max(RELATIVE * abs(second), ABSOLUTE)
-    return first == second
-
-
-def _shown(cell: object) -> str:
-    return (
-        f"{cell:.10g}"
-        if isinstance(cell, float)
-        else str(cell)
-        if cell not in (None, "")
-        else "empty"
-    )
 
 
 def _relative(folder: Path, file: str | None) -> str:

@@ -5,14 +5,45 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import SHORT
+from vrbench.cli import main
 
 
-def vrbench(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+@dataclass(frozen=True)
+class Done:
+    """What a command left behind."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def vrbench(*words: str | Path, cwd: Path, **environment: str) -> Done:
+    """The command within this process: everything but the start of Python is as a user has it."""
+    out, err = (TextIOWrapper(BytesIO(), "utf-8", write_through=True) for _ in range(2))
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.chdir(cwd)
+        patch.setattr("sys.argv", ["vrbench", *map(str, words)])
+        for name, value in {"COLUMNS": "200", **environment}.items():
+            patch.setenv(name, value)
+        code = None
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code
+    texts = [stream.buffer.getvalue().decode() for stream in (out, err)]
+    return Done(code or 0, *texts)
+
+
+def typed(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "vrbench", *map(str, words)],
         cwd=cwd,
@@ -20,11 +51,11 @@ def vrbench(*words: str | Path, cwd: Path, **environment: str) -> subprocess.Com
         text=True,
         timeout=120,
         check=False,
-        env={**os.environ, "COLUMNS": "200", **environment},
+        env={**os.environ, "COLUMNS": "200"},
     )
 
 
-def refused(done: subprocess.CompletedProcess[str], code: int, told: str) -> None:
+def refused(done: Done | subprocess.CompletedProcess[str], code: int, told: str) -> None:
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
     assert told in " ".join(done.stderr.split()), done.stderr
@@ -56,22 +87,23 @@ def test_help_teaches_every_verb(tmp_path: Path) -> None:
 
 
 def test_a_suite_is_run_scored_and_ranked(tmp_path: Path, short_suite_path: Path) -> None:
-    done = vrbench("run", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
+    done = typed("run", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Metrics" in done.stdout
     assert "run: mine" in done.stdout
     assert "report: mine/report.html" in done.stdout
     assert (tmp_path / "mine" / "report.html").is_file()
     assert (tmp_path / "mine" / "metrics" / "vrbench-1.csv").is_file()
-    board = vrbench("leaderboard", "mine", cwd=tmp_path)
+    board = typed("leaderboard", "mine", cwd=tmp_path)
     assert board.returncode == 0
     assert "short@1" in board.stdout
-    again = vrbench("run", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
+    again = typed("run", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
     refused(again, 2, "mine: -o: is there already")
 
 
-def test_record_and_evaluate_are_run_in_two_steps(tmp_path: Path, short_suite_path: Path) -> None:
-    done = vrbench("record", short_suite_path, "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
+def test_record_and_evaluate_are_run_in_two_steps(tmp_path: Path) -> None:
+    (tmp_path / "once.yaml").write_text(SHORT.replace("repeats: 2, ", ""))
+    done = vrbench("record", "once.yaml", "--rig", "sim:sim", "-o", "mine", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert not (tmp_path / "mine" / "metrics").exists()
     refused(vrbench("leaderboard", "mine", cwd=tmp_path), 1, "vrbench evaluate RUN")

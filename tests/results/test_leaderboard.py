@@ -63,6 +63,55 @@ def rewrite(folder: Path, change: Callable[[Row], Row]) -> Path:
     return folder
 
 
+def one(metric: str, **cells: Any) -> Callable[[Row], Row]:
+    """Changes the first take's row of a metric."""
+    return lambda row: (
+        replace(row, **cells)
+        if (row.metric, row.mount, row.repeat, row.point) == (metric, "1", "1", "eye")
+        and row.statistic in ("rmse", "value")
+        else row
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (one("ape.translation.aligned", value=-5.0), "rmse is -5, which can't be negative"),
+        (one("floor.total", value=-1.0), "floor.total value is -1, which can't be negative"),
+        (one("ape.translation.aligned", unit="%", value=101.0), "is 101 %"),
+        (one("ape.translation.aligned", samples=-1), "samples is -1"),
+        (one("ape.translation.aligned", status="great"), "status is 'great', none of"),
+        (one("ape.translation.aligned", ci_low=1.0), "the interval 1.0 to None is none"),
+        (
+            one("ape.translation.aligned", ci_low=2.0, ci_high=1.0, ci_scope="mount"),
+            "the interval 2.0 to 1.0 is none",
+        ),
+        (one("ape.translation.aligned", ci_low=1.0, ci_high=9.0), "ci_scope is ''"),
+    ],
+)
+def test_what_no_evaluation_writes_stands_on_no_board(make: Make, change: Any, told: str) -> None:
+    """Its digest fits: who changed it entered it anew."""
+    sound, wrong = make("a"), rewrite(make("b"), change)
+    found = leaderboard([sound, wrong], "vrbench-1")
+    (left,) = found.left_out
+    assert left.run == str(wrong)
+    assert told in str(left.error)
+    assert [entry.device for board in found.boards for entry in board.entries] == ["a"]
+
+
+def test_the_floor_stands_beside_what_it_is_the_floor_of(make: Make) -> None:
+    """That of translation [mm] says nothing of what trembles, or turns [deg]."""
+
+    def turned(row: Row) -> Row:
+        ranked = row.metric == "ape.translation.aligned"
+        return replace(row, metric="ape.rotation.aligned", unit="deg") if ranked else row
+
+    suite = {**SUITE, "rank": {"metric": "ape.rotation.aligned"}}
+    entries = only(rewrite(make("a", suite=suite), turned))
+    assert entries[0].value is not None
+    assert entries[0].floor is None
+
+
 def test_the_smaller_error_ranks_first(make: Make) -> None:
     (board,) = boards(make("worse", error=4.0), make("better", error=2.0))
     assert [entry.device for entry in board.entries] == ["better", "worse"]

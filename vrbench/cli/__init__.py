@@ -10,6 +10,7 @@ import sys
 import click
 
 from vrbench import __version__
+from vrbench.batch.threads import use_one_thread
 from vrbench.errors import VrbenchError
 
 # Set to anything, errors of vrbench itself end in a traceback.
@@ -50,6 +51,7 @@ def cli() -> None:
 
 def main() -> None:
     """The `vrbench` command: no traceback reaches a user."""
+    use_one_thread()
     try:
         cli(standalone_mode=False)
     except click.exceptions.Abort:

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, log10
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from vrbench.cli._tables import console, show_table
 from vrbench.results.board import Board, Entry, notes
 from vrbench.results.board_formats import one_line, significant
-from vrbench.results.comparison import Comparison
+
+if TYPE_CHECKING:
+    from vrbench.results.comparison import Comparison
 
 # From this width on there is room for all columns.
 WIDE = 120

@@ -10,26 +10,20 @@ import click
 from vrbench.cli._tables import bar
 
 if TYPE_CHECKING:
-    from vrbench.plugin.manager import Plugins
     from vrbench.results.bundle import Bundle
     from vrbench.results.tables import Row
 
 PROTOCOL = "vrbench-1"
 
 
-def evaluate_run(bundle: Bundle, protocol: str, plugins: Plugins | None = None) -> list[Row]:
-    """Evaluates a run by a protocol."""
-    from vrbench.evaluation import evaluate
-    from vrbench.plugin.manager import Plugins, families_of, pick
-    from vrbench.protocols.registry import builtin_protocols
+def evaluate_run(bundle: Bundle, protocol: str) -> list[Row]:
+    """Evaluates a run by a protocol, here and now."""
+    from vrbench.batch.unit import evaluate_bundle
+    from vrbench.cache.store import Store
+    from vrbench.results.lock import locked
 
-    plugins = plugins or Plugins()
-    protocols = {found.name: found for found in builtin_protocols()}
-    chosen = pick(protocols, protocol, "protocol", field="--protocol", file=None)
-    suite = bundle.record.resolved_suite()
-    families = chosen.families or families_of(suite, plugins, str(bundle.folder))
-    with bar(f"evaluate {bundle.folder.name}") as tell:
-        return evaluate(bundle, families, chosen, lambda name, i, total: tell(name, i / total))
+    with bar(f"evaluate {bundle.folder.name}") as tell, locked(bundle.folder):
+        return evaluate_bundle(bundle, protocol, tell, store=Store.usual())
 
 
 def report_run(bundle: Bundle, protocol: str) -> None:

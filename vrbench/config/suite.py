@@ -85,7 +85,7 @@ class Suite(_Strict):
     suite: Name
     version: int = Field(ge=1)
     title: str
-    mover: Literal["robot", "person", "none"] = "robot"
+    mover: Literal["robot", "person"] = "robot"
     references: tuple[Literal["robot", "mocap"], ...] = Field(("robot",), min_length=1)
     motions: dict[Name, str]
     cases: tuple[Case, ...] = Field(min_length=1)

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from vrbench.errors import EstimationError
-from vrbench.geometry import Floats, Transform
+from vrbench.geometry import Transform
 from vrbench.metrics.bands import slow_part
-from vrbench.metrics.compared import MM, Compared, aligned, fit_poses, under
+from vrbench.metrics.compared import MM, Compared, aligned, at_samples, fit_poses, under
 from vrbench.metrics.pose_errors import ape_rotation, ape_translation
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.robust import theil_sen
@@ -111,12 +111,6 @@ def _by_speed(take: ScoredTake, at: Compared) -> Iterator[Value]:
             yield absent(metric, UNITS[metric], str(problem), statistic="slope", point=at.point)
         else:
             yield Value(metric, "slope", slope, UNITS[metric], len(error), point=at.point)
-
-
-def at_samples(between: Floats) -> Floats:
-    """What is known between samples (n - 1,), at the samples (n,): the mean of both sides."""
-    padded = np.concatenate((between[:1], between, between[-1:]))
-    return (padded[:-1] + padded[1:]) / 2
 
 
 FAMILY = Family(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vrbench.clocks import ClockMap
+from vrbench.clocks import device_time
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent
@@ -18,15 +18,6 @@ UNITS = {
     "latency.lead": "ms",
 }
 SOURCE = "headset"
-
-
-def device_time(clock: ClockMap, t_reference: int) -> int:
-    """The device's time [ns] at a time of the reference [ns]."""
-    t = t_reference
-    # Skews are parts per million, so each round gains five digits.
-    for _ in range(3):
-        t = t_reference + round(float(clock.offset_ns(t)))
-    return t
 
 
 def of_take(take: ScoredTake) -> Iterator[Value]:

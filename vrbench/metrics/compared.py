@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from vrbench.errors import EstimationError
 from vrbench.estimation.alignment import align, align_poses
 from vrbench.geometry import (
@@ -17,6 +19,7 @@ from vrbench.geometry import (
 from vrbench.metrics.scored import ScoredTake
 
 NO_X = "the mount has no calibration: X is unknown"
+WORLD_UP = np.array([0.0, 1.0, 0.0])
 MM = 1e3
 # The length at which an error of rotation weighs as much as one of position in a fit of both. The
 # published recordings err by about 1 mm and 0.28 deg; frames fitted there on 10 s, with levers from
@@ -81,3 +84,9 @@ def _points(take: ScoredTake) -> Iterator[tuple[str, Transform, Transform]]:
     if take.x is None:
         raise EstimationError(NO_X)
     return take.points()
+
+
+def at_samples(between: Floats) -> Floats:
+    """What is known between samples (n - 1,), at the samples (n,): the mean of both sides."""
+    padded = np.concatenate((between[:1], between, between[-1:]))
+    return (padded[:-1] + padded[1:]) / 2

@@ -10,9 +10,8 @@ from vrbench.geometry import Floats, Ints
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent
+from vrbench.trajectory import LATE_PERIODS
 
-# Longer intervals than this many periods are missing samples, shorter ones are jitter.
-LATE_PERIODS = 1.5
 # Samples to each side by which a long interval is told from jitter: they tell when the others were
 # due.
 NEIGHBOURS = 10

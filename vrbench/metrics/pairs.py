@@ -10,11 +10,16 @@ import numpy as np
 from vrbench.errors import EstimationError
 from vrbench.geometry import Floats, Ints, Transform, relative_angle
 from vrbench.metrics.association import nearest
+from vrbench.metrics.scored import ScoredTake
+from vrbench.trajectory import NS
 
 Pairs = tuple[Ints, Ints]
 
 UNITS = ("frames", "m", "rad", "deg")
 TOLERANCE = 0.1
+# Over which times relative errors are told [s], and what they are called.
+RPE_S = (0.1, 1.0, 10.0)
+T, R = "rpe.translation", "rpe.rotation"
 
 
 def find_pairs(
@@ -137,3 +142,9 @@ def end_to_end(steps: Floats, delta: float) -> Pairs:
             since = 0.0
     pairs = np.array(list(pairwise(ends)), dtype=np.int64).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
+
+
+def pairs_of(take: ScoredTake, delta_s: float) -> Pairs:
+    """Indices (k,) of all pairs of samples that far apart to half a period."""
+    tolerance = take.estimate.period_s * NS / 2 if len(take.estimate) > 1 else 0.0
+    return pairs_by_time(take.estimate.t, round(delta_s * NS), round(tolerance))

@@ -7,20 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from vrbench.metrics.compared import MM, NO_X
-from vrbench.metrics.pairs import Pairs, pairs_by_time
+from vrbench.metrics.pairs import RPE_S, R, T, pairs_of
 from vrbench.metrics.pose_errors import rpe
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent, summarise
-from vrbench.trajectory import NS
-
-DELTAS_S = (0.1, 1.0, 10.0)
-T, R = "rpe.translation", "rpe.rotation"
 
 
 def of_take(take: ScoredTake) -> Iterator[Value]:
-    """RPE over `DELTAS_S`, of all pairs of samples that far apart to half a period."""
-    for delta in DELTAS_S:
+    """RPE over `RPE_S`, of all pairs of samples that far apart to half a period."""
+    for delta in RPE_S:
         names = (f"{T}@{delta:g}s", "mm"), (f"{R}@{delta:g}s", "deg")
         if take.x is None:
             yield from (absent(name, unit, NO_X) for name, unit in names)
@@ -37,16 +33,10 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
             yield from summarise(r_name, np.degrees(rotation), "deg", point=point)
 
 
-def pairs_of(take: ScoredTake, delta_s: float) -> Pairs:
-    """Indices (k,) of all pairs of samples that far apart to half a period."""
-    tolerance = take.estimate.period_s * NS / 2 if len(take.estimate) > 1 else 0.0
-    return pairs_by_time(take.estimate.t, round(delta_s * NS), round(tolerance))
-
-
 FAMILY = Family(
     name="rpe",
     title="Relative pose error: how far a motion over a given time is from what it was",
-    units={f"{m}@{d:g}s": u for m, u in ((T, "mm"), (R, "deg")) for d in DELTAS_S},
+    units={f"{m}@{d:g}s": u for m, u in ((T, "mm"), (R, "deg")) for d in RPE_S},
     of_take=of_take,
     needs=frozenset({"x"}),
 )

@@ -8,13 +8,12 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.geometry import Floats, Transform, quat_conjugate, quat_multiply, quat_rotate
-from vrbench.metrics.compared import NO_X
+from vrbench.metrics.compared import NO_X, WORLD_UP
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent, summarise
 from vrbench.trajectory import NS
 
-WORLD_UP = np.array([0.0, 1.0, 0.0])
 END_S = 5.0
 
 

@@ -216,10 +216,11 @@ def _is_calibration(columns: Columns) -> bool:
 
 
 def _headset(columns: Columns) -> _Headset:
-    name = columns.metadata.get("headset", "not named in the take")
-    if name not in HEADSETS:
+    name = columns.metadata.get("headset")
+    if name is None or name not in HEADSETS:
+        what = "a take that vrbench recorded" if name is None else f"this headset: {name}"
         raise DataError(
-            f"the paper has no X and no clock of this headset: {name}",
+            f"the paper has no X and no clock of {what}",
             fix=f"protocol banaszczyk2024 scores its recordings: {', '.join(HEADSETS)}",
         )
     return HEADSETS[name]

@@ -10,6 +10,8 @@ from vrbench.errors import VrbenchError
 
 # What the table of the paper prints of each device.
 STATISTICS = ("rmse", "mean", "std", "max")
+# The metrics that `floor.total` is the floor of: what trembles or turns has another one.
+FLOORED = "ape.translation."
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -48,7 +50,8 @@ class Entry:
         scope: what the interval speaks for: `take`, `mount`, `sitting`; empty without one.
         statistics: rmse, mean, std and max of the ranking metric, as far as they are known; for a
             board of changes those of the condition itself.
-        floor: the largest noise floor among the takes, in the same unit; None where it isn't known.
+        floor: the largest noise floor among the takes, in the same unit; None where it isn't known,
+            as of whatever isn't an absolute error of translation.
         takes: takes the number rests on.
         mounts: mounts among them,
         sittings: and visits to the lab.

@@ -38,13 +38,10 @@ class Bundle:
         """A new folder, marked incomplete, with the texts `inputs` by file name.
 
         Raises:
-            ConfigError: something is in the folder, or it can't be made.
+            ConfigError: something is in the folder.
         """
         require_new(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
+        folder.mkdir(parents=True, exist_ok=True)
         bundle = cls(folder, record)
         bundle._save()
         (folder / "takes").mkdir(exist_ok=True)
@@ -136,7 +133,11 @@ class Bundle:
         self._save()
 
     def columns(self, take: TakeRecord) -> Columns:
-        """A take's columns.
+        """A take's columns; raises what `sound` and `read_take` do."""
+        return read_take(self.sound(take))
+
+    def sound(self, take: TakeRecord) -> Path:
+        """Where a take is, after it was checked.
 
         Raises:
             DataError: the file is gone, or isn't the one that was recorded.
@@ -151,7 +152,7 @@ class Bundle:
                 field="sha256",
                 fix=f"{RECORD} says {take.sha256[:12]}...",
             )
-        return read_take(path)
+        return path
 
     def write_truth(self, take: str, truth: Mapping[str, Any]) -> None:
         """Keeps what a simulator knows beside the takes; there is no way to read it back here."""

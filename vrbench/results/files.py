@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
@@ -16,7 +17,8 @@ def inside(folder: Path, name: str) -> Path:
         DataError: the name, or a link on the way, leads out of the bundle.
     """
     path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    if os.path.commonpath((real, root)) != root:
         raise DataError(
             "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
         )
@@ -38,8 +40,12 @@ def file_size(path: Path) -> int:
 def replace_text(path: Path, text: str) -> None:
     """Writes a file so that it is, at any moment, the old one or the new one."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def file_digest(path: Path) -> str:

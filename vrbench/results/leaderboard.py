@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.results.board import STATISTICS, Board, BoardKey, Entry, Leaderboard, LeftOut
 from vrbench.results.bundle import Bundle
+from vrbench.results.collection import without_collection
 from vrbench.results.published import Published, published, published_entries
 from vrbench.results.scatter import measured
 from vrbench.results.standing import Standing, baseline_of, is_change, standings
@@ -37,16 +36,18 @@ def leaderboard(folders: Iterable[Path], protocol: str) -> Leaderboard:
         if where in seen:
             raise ConfigError("the run is given twice", file=folder)
         seen.add(where)
-    # files are read and hashed beside each other; the rest is Python, one after the other
-    with ThreadPoolExecutor() as threads:
-        for folder, found in zip(every, threads.map(partial(_read, protocol), every), strict=True):
+    with without_collection():
+        for folder in every:
+            found = _read(protocol, folder)
             if isinstance(found, VrbenchError):
                 left_out.append(LeftOut(str(folder), found))
                 continue
             for standing in found:
                 by_key[standing.key].append(standing)
     printed = published()
-    return Leaderboard([_board(key, by_key[key], printed) for key in sorted(by_key)], left_out)
+    with without_collection():
+        boards = [_board(key, by_key[key], printed) for key in sorted(by_key)]
+    return Leaderboard(boards, left_out)
 
 
 def _read(protocol: str, folder: Path) -> Sequence[Standing] | VrbenchError:
@@ -202,8 +203,7 @@ def _ranked(
     if len(sound) == 1:
         entry, _ = sound[0]
         return [replace(entry, rank=1, last_rank=1, ranked_among=(entry.lab,))]
-    with ThreadPoolExecutor() as threads:
-        numbers = list(threads.map(_measured, sound))
+    numbers = [measured(sittings, floor=entry.floor) for entry, sittings in sound]
     ranked = []
     entries = [entry for entry, _ in sound]
     differing = _differing_labs(entries, numbers)
@@ -216,11 +216,6 @@ def _ranked(
                 replace(entry, rank=best, last_rank=last, ranked_among=tuple(labs), reason=why)
             )
     return ranked
-
-
-def _measured(one: tuple[Entry, Sequence[Standing]]) -> Measured:
-    entry, sittings = one
-    return measured(sittings, floor=entry.floor)
 
 
 def _comparable_labs(entries: Sequence[Entry]) -> list[list[str]]:

@@ -1,11 +1,11 @@
-"""One run at a time records into a folder: a lock that ends with the process that holds it."""
+"""One process at a time is at work in a run's folder: a lock that ends with who holds it."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -32,15 +32,19 @@ else:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Holds a run's folder; one that isn't there is made.
+    """Holds a run's folder; what has to be made for it goes again if nothing came into it.
 
     A lock file alone means nothing: what counts is whether a living process holds it, so that after
     a crash nobody has to remove anything.
 
     Raises:
-        ConfigError: another process records into it.
+        ConfigError: another process is at work in it, or it can't be made.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError("can't be made", file=folder, field="-o", fix=str(error)) from None
     path = folder / LOCK
     while True:
         file = path.open("a+b")
@@ -51,9 +55,8 @@ def locked(folder: Path) -> Iterator[None]:
             owner = file.read(20).decode(errors="replace").strip()
             file.close()
             raise ConfigError(
-                f"process {owner or '?'} records into this folder",
+                f"process {owner or '?'} is at work in this folder",
                 file=folder,
-                field="-o",
                 fix="let it finish, or name another folder",
             ) from None
         if _same(file, path):
@@ -71,6 +74,9 @@ def locked(folder: Path) -> Iterator[None]:
         file.close()
         if sys.platform == "win32":
             path.unlink(missing_ok=True)
+        with suppress(OSError):  # it isn't empty: a run stands there
+            for empty in made:
+                empty.rmdir()
 
 
 def _same(file: BinaryIO, path: Path) -> bool:

@@ -8,9 +8,7 @@ import numpy as np
 
 from vrbench.errors import EstimationError
 from vrbench.geometry import Floats, Ints, Transform
-from vrbench.metrics.ape import at_samples
-from vrbench.metrics.compared import MM, Compared, aligned
-from vrbench.metrics.coverage import LATE_PERIODS
+from vrbench.metrics.compared import MM, Compared, aligned, at_samples
 from vrbench.metrics.scored import ScoredTake
 from vrbench.results.plot_data import (
     BySpeed,
@@ -26,7 +24,7 @@ from vrbench.results.record import TakeRecord
 from vrbench.results.spectrum import spectrum
 from vrbench.statistics.uncertainty import error_vectors
 from vrbench.streams import Event
-from vrbench.trajectory import NS, Trajectory
+from vrbench.trajectory import LATE_PERIODS, NS, Trajectory
 
 # Lengths of a bin that a reader can make sense of [s].
 BINS_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)

@@ -74,6 +74,18 @@ class TakeRecord(_Record):
         """What the take is called; that of one which failed stands in a `.mcap.part`."""
         return Path(self.file).name.partition(".mcap")[0]
 
+    def facts(self, device: DeviceRecord) -> dict[str, str]:
+        """What the take's own file says of it, text by name, so that it can be read alone."""
+        return {
+            "case": self.case,
+            "role": self.role,
+            "motion": self.motion,
+            "motion_digest": self.motion_digest,
+            "stretch": f"{self.stretch / self.speed:.9g}",
+            "logger": device.logger,
+            "prediction": device.prediction,
+        }
+
 
 class RunRecord(_Record):
     """`run.json`: what was run, with what, and what came of it."""

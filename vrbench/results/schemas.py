@@ -14,7 +14,7 @@ from vrbench.config.recordings import OTHER_ROBOT, Recordings
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
 from vrbench.results.record import RunRecord
-from vrbench.results.tables import Row
+from vrbench.results.tables import DIFFERENCE, LENGTHS, SCOPES, STATUSES, UNSIGNED, WHOLE, Row
 
 # A field and its text, in the section of a docstring.
 ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
@@ -43,8 +43,35 @@ def json_schema(name: str) -> dict[str, Any]:
         source = take["properties"].pop("other_robots")["additionalProperties"]
         take["patternProperties"] = {f"^{OTHER_ROBOT.pattern}$": source}
     elif name == "results":
-        schema["$defs"]["Row"] = TypeAdapter(Row).json_schema()
+        schema["$defs"]["Row"] = _row()
     return {"$schema": DIALECT, **schema}
+
+
+def _row() -> dict[str, Any]:
+    """A row of a metric table, with what `vrbench.results.tables` refuses at reading."""
+    schema = TypeAdapter(Row).json_schema()
+    fields = schema["properties"]
+    fields["status"]["enum"] = list(STATUSES)
+    fields["ci_scope"]["enum"] = ["", *SCOPES]
+    fields["samples"]["minimum"] = 0
+    unsigned = {
+        "anyOf": [
+            {"properties": {"statistic": {"enum": sorted(UNSIGNED)}}},
+            {
+                "properties": {
+                    "statistic": {"enum": sorted(LENGTHS)},
+                    "metric": {"pattern": "^(ape|rpe|floor)[.]"},
+                }
+            },
+        ],
+        "properties": {"variant": {"not": {"const": DIFFERENCE}}},
+    }
+    percent = {"properties": {"unit": {"const": "%"}}}
+    schema["allOf"] = [
+        {"if": unsigned, "then": {"properties": {"value": {"minimum": 0}}}},
+        {"if": percent, "then": {"properties": {"value": {"minimum": 0, "maximum": WHOLE}}}},
+    ]
+    return schema
 
 
 def _describe(schema: dict[str, Any], top: type[BaseModel]) -> None:

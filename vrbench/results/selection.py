@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -41,7 +40,10 @@ def select_rows(
         end = text.find(b"\n", found.end())
         lines.append(text[text.rfind(b"\n", 0, found.start()) + 1 : end if end >= 0 else None])
     try:
-        rows = list(csv.reader(line.decode() for line in lines))
+        written = [line.decode() for line in lines]
+        # what no quote stands in needs no parser
+        plain = not any('"' in line for line in written)
+        rows = [line.split(",") for line in written] if plain else list(csv.reader(written))
         if any(len(row) != len(COLUMNS) for row in rows):
             raise ValueError(f"it has not {len(COLUMNS)} cells")
         return rows_of(rows, path)
@@ -73,19 +75,33 @@ def select_bins(
     """
     _check_header(path, text, PHASE_COLUMNS)
     case, what = f"{takes[0].case},{takes[0].condition}", f"{reference},{metric},{point}"
-    pattern = rf"\n{re.escape(case)},(\d+),(\d+),{re.escape(what)},(\d+),[^,\n]*,([^,\n]*),"
-    cells: dict[tuple[bytes, bytes], list[tuple[int, float]]] = defaultdict(list)
+    # the bins of a take stand below each other: lines that begin alike
+    block = rf"\n({re.escape(case)},(\d+),(\d+),{re.escape(what)},)[^\n]*(?:\n\1[^\n]*)*"
+    known = {(take.mount, take.repeat) for take in takes}
+    bins: dict[Place, tuple[Ints, Floats]] = {}
     try:
-        for mount, repeat, phase, square in re.findall(pattern.encode(), text):
-            cells[mount, repeat].append((int(phase), float(square)))
+        for found in re.finditer(block.encode(), text):
+            start, place = found[1], (int(found[2]), int(found[3]))
+            if place in bins:
+                raise ValueError(f"the bins of mount {place[0]}, repeat {place[1]} are torn apart")
+            cells = found[0][len(start) + 1 :].replace(b"\n" + start, b",").split(b",")
+            if place in known:
+                bins[place] = _bins(cells)
     except ValueError as error:
         raise DataError("a row can't be read", file=path, fix=str(error)) from None
-    bins = {(int(m), int(r)): np.array(sorted(numbers)) for (m, r), numbers in cells.items()}
-    return {
-        place: (bins[place][:, 0].astype(np.int64), bins[place][:, 1])
-        for place in ((take.mount, take.repeat) for take in takes)
-        if place in bins
-    }
+    return bins
+
+
+def _bins(cells: Sequence[bytes]) -> tuple[Ints, Floats]:
+    """Bins and mean squares, of cells of phase, mean, mean square and unit, row by row."""
+    if len(cells) % 4:
+        raise ValueError("it has not as many cells as the header")
+    number, square = np.array([*map(int, cells[::4])]), np.array([*map(float, cells[2::4])])
+    if (np.diff(number) <= 0).any():
+        raise ValueError("the bins of a take don't follow each other")
+    if not (np.isfinite(square) & (square >= 0.0)).all():
+        raise ValueError("a mean square is a number, and not negative")
+    return number, square
 
 
 def _check_header(path: Path, text: bytes, columns: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ from vrbench.config.case import UNCOVERED
 from vrbench.config.schedule import DEFAULT
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError
-from vrbench.results.board import STATISTICS, BoardKey
+from vrbench.results.board import FLOORED, STATISTICS, BoardKey
 from vrbench.results.bundle import Bundle
 from vrbench.results.record import RECORD, RunRecord, TakeRecord
 from vrbench.results.selection import select_rows
@@ -36,7 +36,8 @@ class Standing:
         pooled: the rows of the ranking metric over all takes, by statistic.
         by_take: the ranking metric by mount and repeat,
         before_by_take: and that of the baseline.
-        floor: the largest noise floor among the takes; None where one of them has none.
+        floor: the largest noise floor among the takes; None where one of them has none, and of
+            metrics that it isn't the floor of.
         coverage: the least share of valid poses [%],
         epochs: and the most world frames; None where one of the takes lacks it.
         failed: takes that could not be scored.
@@ -217,7 +218,7 @@ def _standing(
         pooled=pooled if status not in ("failed", "invalid") else {},
         by_take=_by_take(ranking, rank.statistic),
         before_by_take=_by_take([r for r in base if r.metric == rank.metric], rank.statistic),
-        floor=_extreme(max, main, "floor.total"),
+        floor=_extreme(max, main, "floor.total") if rank.metric.startswith(FLOORED) else None,
         coverage=coverage,
         epochs=epochs,
         failed=sum(status == "failed" for status in troubled.values()),

@@ -17,6 +17,13 @@ from vrbench.results.files import replace_text
 
 # Worst first: pooled rows take the worst status of what they pool.
 STATUSES = ("failed", "invalid", "extrapolated", "unbracketed", "skipped", "ok")
+SCOPES = ("take", "mount", "sitting")
+# What has no sign, except in a difference: of anything, and of the lengths of errors.
+UNSIGNED = frozenset(("rmse", "std", "sse", "count"))
+LENGTHS = frozenset(("mean", "median", "min", "max", "p95", "value"))
+DIFFERENCE = "vs-baseline"
+# Per cent, with what rounding does.
+WHOLE = 100.001
 # The values of the columns that rows are pooled over.
 Member = tuple[str, ...]
 
@@ -148,7 +155,33 @@ def _row(cells: list[str]) -> Row:
         if typed[k] is not None and not isfinite(typed[k]):
             raise ValueError(f"{COLUMNS[k]} is {cells[k]}")
     typed[_SAMPLES] = int(cells[_SAMPLES])
-    return Row(*typed)
+    if typed[_SAMPLES] < 0:
+        raise ValueError(f"samples is {cells[_SAMPLES]}")
+    row = Row(*typed)
+    if row.status not in STATUSES:
+        raise ValueError(f"status is {row.status!r}, none of {', '.join(STATUSES)}")
+    if row.value is not None and row.value < 0.0 and _unsigned(row):
+        raise ValueError(f"{row.metric} {row.statistic} is {row.value:g}, which can't be negative")
+    if row.unit == "%" and row.value is not None and not 0.0 <= row.value <= WHOLE:
+        raise ValueError(f"{row.metric} is {row.value:g} %")
+    if row.ci_low is not None or row.ci_high is not None:
+        _check_interval(row)
+    return row
+
+
+def _unsigned(row: Row) -> bool:
+    if row.variant == DIFFERENCE:
+        return False
+    error = row.metric.startswith(("ape.", "rpe.", "floor."))
+    return row.statistic in UNSIGNED or (error and row.statistic in LENGTHS)
+
+
+def _check_interval(row: Row) -> None:
+    """An interval has two ends, a value and a scope; it needn't hold the value (bootstrap)."""
+    if row.value is None or row.ci_low is None or row.ci_high is None or row.ci_low > row.ci_high:
+        raise ValueError(f"{row.metric}: the interval {row.ci_low} to {row.ci_high} is none")
+    if row.ci_scope not in SCOPES:
+        raise ValueError(f"ci_scope is {row.ci_scope!r}, none of {', '.join(SCOPES)}")
 
 
 def pool(rows: Sequence[Row], over: Sequence[str], members: Mapping[Member, str]) -> list[Row]:

@@ -10,9 +10,8 @@ import numpy as np
 
 from vrbench.geometry import Floats, quat_to_rotvec
 from vrbench.metrics.compared import MM
-from vrbench.metrics.pairs import Pairs
+from vrbench.metrics.pairs import RPE_S, Pairs, R, T, pairs_of
 from vrbench.metrics.pose_errors import rpe_poses
-from vrbench.metrics.rpe import DELTAS_S, R, T, pairs_of
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.uncertainty import (
     ErrorModel,
@@ -36,7 +35,7 @@ def relative_models(take: ScoredTake) -> dict[Key, ErrorModel]:
         by metric and point; empty where the take has no X.
     """
     models: dict[Key, ErrorModel] = {}
-    for delta in DELTAS_S:
+    for delta in RPE_S:
         pairs = pairs_of(take, delta)
         t = take.estimate.t[pairs[0]]
         if take.x is None or len(t) < 2 or int(t[-1]) - int(t[0]) < LEAST_BLOCKS * delta * NS:

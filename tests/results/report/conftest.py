@@ -23,6 +23,8 @@ FLAGS = [
     "--disable-sync",
 ]
 SCRIPT = "<script>document.title='taken'</script>"
+# It would turn round what stands behind it, and is too long for any column.
+TURNED = "\u202ebal" + 200 * "x"
 
 
 def as_device(source: Path, folder: Path, headset: str, lab: str = "lab") -> Path:
@@ -38,9 +40,9 @@ def as_device(source: Path, folder: Path, headset: str, lab: str = "lab") -> Pat
 
 @pytest.fixture(scope="session")
 def runs(_run, tmp_path_factory) -> list[Path]:
-    """Four runs; a script stands in the last one's names."""
+    """Four runs; in the last one's names stand a script, and what turns texts round."""
     folder = tmp_path_factory.mktemp("secret-place")
-    named = (("alpha", "lab"), ("beta", "lab"), ("gamma", "other"), (SCRIPT, f'"{SCRIPT}'))
+    named = (("alpha", "lab"), ("beta", "lab"), ("gamma", "other"), (SCRIPT, f'"{SCRIPT}{TURNED}'))
     return [as_device(_run, folder / f"run {k}", *names) for k, names in enumerate(named)]
 
 

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.results.report.conftest import SCRIPT
+from tests.results.report.conftest import SCRIPT, TURNED
 
 # The ratio of luminances of WCAG 2, between a text's colour and what lies behind it.
 CONTRAST = """() => {
@@ -123,13 +123,43 @@ def test_a_drag_zooms_and_a_double_click_shows_all(open_page, report):
     assert chart.locator(".tick").all_text_contents() == ticks
 
 
-def test_the_path_turns_by_keyboard(open_page, report):
+def test_the_path_turns_by_keyboard_and_has_plain_views(open_page, report):
     page = drawn(open_page(report))
-    path = figure(page, "Path of the eye").locator("> svg")
+    space = figure(page, "Path of the eye")
+    path = space.locator("> svg")
     before = path.inner_html()
     path.focus()
     page.keyboard.press("ArrowLeft")
     assert path.inner_html() != before
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    assert path.inner_html() == before
+    for view, sides in (("from above", "xy"), ("along y", "xz"), ("along x", "yz")):
+        space.get_by_role("button", name=view).click()
+        assert "".join(text[0] for text in path.locator("text").all_text_contents()) == sides
+
+
+def test_a_thumb_on_the_path_scrolls_the_page(open_page, report):
+    page = drawn(open_page(report, width=390))
+    for chart in page.locator("figure > svg").all():
+        assert "pan-y" in chart.evaluate("(one) => getComputedStyle(one).touchAction")
+
+
+def test_names_that_are_too_long_are_cut_and_told_whole(open_page, site):
+    page = open_page(board(site))
+    name = page.locator("#intervals text.name", has_text="…").first
+    assert TURNED[1:] in name.locator("title").text_content()
+    assert name.evaluate("(one) => one.getBBox().width") < 1280
+    cell = page.locator("#board .name[title]", has_text=TURNED[1:]).first
+    assert cell.bounding_box()["width"] < 400
+
+
+def test_on_paper_tables_have_all_their_columns(open_page, report):
+    page = drawn(open_page(report, width=700))
+    page.emulate_media(media="print")
+    cut = "(all) => all.filter((e) => e.checkVisibility() && e.scrollWidth > e.clientWidth).length"
+    assert page.locator(".scroll").evaluate_all(cut) == 0
+    assert page.evaluate("document.documentElement.scrollWidth") <= 700
 
 
 def test_a_figure_is_saved_as_svg_with_its_colours(open_page, report, tmp_path):

@@ -12,10 +12,12 @@ import pytest
 from tests.results.report.conftest import SCRIPT
 from vrbench.errors import ConfigError, DataError
 from vrbench.results.bundle import Bundle
+from vrbench.results.leaderboard import leaderboard
 from vrbench.results.report import pages
-from vrbench.results.report.pages import cells, fixed, json_text, number, three
+from vrbench.results.report.pages import TURNING, cells, fixed, json_text, number, sentence, three
+from vrbench.results.report.run_intervals import forests
 from vrbench.results.report.run_page import run_page, write_report
-from vrbench.results.report.run_tables import numbers_of, results_of, shown
+from vrbench.results.report.run_tables import columns, numbers_of, ranking, results_of, shown
 from vrbench.results.tables import Row, parse_cells, read_rows, rows_of, write_rows
 
 PROTOCOL = "vrbench-1"
@@ -102,6 +104,32 @@ def test_a_script_in_a_name_is_text(runs):
     text = run_page(Bundle.open(runs[-1]), PROTOCOL)
     assert SCRIPT not in text
     assert SCRIPT.replace("<", "&lt;").replace(">", "&gt;").replace("'", "&#39;") in text
+
+
+def test_nothing_turns_texts_round(runs, site):
+    assert "\u202e" in Bundle.open(runs[-1]).record.lab
+    pages = [
+        run_page(Bundle.open(runs[-1]), PROTOCOL),
+        *(p.read_text() for p in site.glob("*.html")),
+    ]
+    assert not any(character in page for page in pages for character in TURNING)
+
+
+def test_a_note_begins_large_and_keeps_its_names():
+    assert sentence("ranked apart: PUT Poznan") == "Ranked apart: PUT Poznan"
+
+
+def test_the_report_shows_the_floors_that_the_board_shows(run, page):
+    """Of takes together it is the largest of theirs, and calibrations have floors of their own."""
+    forests, _ = page.texts["script", "application/json"]
+    (forest,) = json.loads(forests)
+    floors = {row["name"]: row["floor"] for row in forest["rows"]}
+    (board,) = leaderboard([run], PROTOCOL).boards
+    assert floors["replay, all takes"] == board.entries[0].floor
+    assert floors["calibrate, all takes"] == max(
+        floor for name, floor in floors.items() if name.startswith("calibrate, mount")
+    )
+    assert floors["calibrate, all takes"] != floors["replay, all takes"]
 
 
 def test_json_can_not_end_its_element():
@@ -193,6 +221,25 @@ def test_a_take_of_several_world_frames_counts_as_the_worst_of_them(short_suite)
     ]
     (lines,) = results_of(rows, numbers_of(rows), short_suite).values()
     assert [(line.status, line.reason) for line in lines] == [("invalid", "no calibration")]
+
+
+def test_what_is_ranked_stands_in_the_table_of_takes(short_suite):
+    """Also where it isn't the APE; of the usual columns there are those that the run has."""
+    rest = short_suite.model_copy(
+        update={"rank": short_suite.rank.model_copy(update={"metric": "jitter.position"})}
+    )
+    rows = [as_row(value=2.0), as_row(metric="jitter.position", value=0.5)]
+    assert [column[:2] for column in columns(rows, rest)] == [
+        ("jitter.position", "mm"),
+        ("rmse", "mm"),
+    ]
+    assert ranking(rest) == "jitter.position, rmse at the eye"
+    (line,) = results_of(rows, numbers_of(rows), rest)["robot"]
+    assert [cell.value for cell in line.cells] == [0.5, 2.0]
+    (forest,) = forests({"robot": [line]}, numbers_of(rows), rest)
+    assert forest["label"] == "jitter.position, rmse at the eye"
+    assert "no intervals" in forest["note"]
+    assert [column[0] for column in columns(rows, short_suite)] == ["rmse"]
 
 
 def test_rows_that_the_page_needs_are_kept_and_their_number_is_small(run):

@@ -278,7 +278,9 @@ class Chart {
       }
       for (const mark of spec.marks || []) {
         const at = x.at(mark.t);
-        const line = node("path", { d: `M${at} ${top}V${bottom}`, class: "mark" }, plot);
+        // many of them, of loops say, would hide what they part
+        const end = spec.marks.length > 20 ? top + 7 : bottom;
+        const line = node("path", { d: `M${at} ${top}V${end}`, class: "mark" }, plot);
         node("title", {}, line, mark.kind);
       }
     });

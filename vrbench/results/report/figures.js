@@ -8,16 +8,17 @@ class Forest {
   constructor(parent, spec) {
     this.spec = spec;
     this.svg = node("svg", { role: "img" });
-    this.svg.setAttribute("aria-label", `${spec.title}. The same numbers stand in the table of takes.`);
+    this.svg.setAttribute("aria-label", `${spec.title}. The same numbers stand in the table below.`);
     const caption = element("figcaption", {}, element("strong", {}, spec.title), element("span", { class: "note" }, ` ${spec.note}`));
     const save = element("button", { type: "button", class: "save" }, "Save SVG");
     save.setAttribute("aria-label", `Save the figure ${spec.title} as SVG`);
     save.addEventListener("click", () => saveFigure(this.svg, spec.title));
     const list = element("ul", { class: "legend" });
-    if (spec.floor !== null) {
+    const floors = spec.rows.map((row) => row.floor).filter((value) => value !== null);
+    if (floors.length) {
       const key = node("svg", { width: 26, height: 12, "aria-hidden": "true" });
       node("rect", { x: 1, y: 1, width: 24, height: 10, class: "floor" }, key);
-      list.append(element("li", {}, key, `noise floor, ${show(spec.floor)} ${spec.unit}`));
+      list.append(element("li", {}, key, `noise floor of each, to ${show(Math.max(...floors))} ${spec.unit}`));
     }
     this.figure = element("figure", { class: "wide" }, caption, list, this.svg, element("div", { class: "foot" }, element("span"), save));
     parent.append(this.figure);
@@ -25,13 +26,14 @@ class Forest {
   }
 
   draw() {
-    const { rows, floor, unit } = this.spec;
+    const { rows, unit } = this.spec;
     const width = Math.max(this.svg.parentNode.clientWidth - 2, 240);
     this.svg.setAttribute("width", width);
     this.svg.replaceChildren();
     const names = rows.map((row) =>
       node("text", { x: 0, class: row.pooled ? "name pooled" : "name" }, this.svg, row.name),
     );
+    names.forEach((name) => shorten(name, width - 76));
     const widest = Math.max(...names.map((name) => name.getComputedTextLength()), 40);
     // where names would take the plot's room they stand above their intervals
     const above = widest > width * 0.42;
@@ -46,7 +48,7 @@ class Forest {
     });
     const left = above ? 8 : widest + 16;
     const right = width - 62;
-    const ends = rows.flatMap((row) => [row.value, row.low ?? row.value, row.high ?? row.value, 0, floor ?? 0]);
+    const ends = rows.flatMap((row) => [row.value, row.low ?? row.value, row.high ?? row.value, 0, row.floor ?? 0]);
     const x = axis({ zero: true }, [ends], null, left, right, width < 480 ? 4 : 8);
     const grid = node("g", { class: "grid" });
     this.svg.prepend(grid);
@@ -54,11 +56,12 @@ class Forest {
       node("path", { d: `M${x.at(value).toFixed(1)} 8V${bottom}` }, grid);
       node("text", { x: x.at(value), y: bottom + 16, class: "tick", "text-anchor": "middle" }, this.svg, text);
     }
-    if (floor !== null && x.at(floor) > left) {
-      const shade = node("rect", { x: left, y: 8, width: x.at(floor) - left, height: bottom - 8, class: "floor" });
-      this.svg.prepend(shade);
-      node("title", {}, shade, `noise floor, ${show(floor)} ${unit}`);
-    }
+    rows.forEach((row, k) => {
+      if (row.floor === null || x.at(row.floor) <= left) return;
+      const shade = node("rect", { x: left, y: 8 + k * step, width: x.at(row.floor) - left, height: step + (k === rows.length - 1 ? 6 : 0), class: "floor" });
+      grid.after(shade);
+      node("title", {}, shade, `noise floor, ${show(row.floor)} ${unit}`);
+    });
     node("path", { d: `M${left} 8V${bottom}H${right}`, class: "axis" }, this.svg);
     const label = node("text", { y: bottom + 36, class: "label", "text-anchor": "middle" }, this.svg, `${this.spec.label} (${unit})`);
     const half = label.getComputedTextLength() / 2;
@@ -75,6 +78,20 @@ class Forest {
       node("text", { x: right + 8, y: y + 4, class: row.pooled ? "name pooled" : "name" }, this.svg, row.value.toPrecision(3));
     });
   }
+}
+
+/** Cuts a text that is wider than there is room; the whole of it stands in its title. */
+function shorten(text, room) {
+  const whole = text.textContent;
+  if (text.getComputedTextLength() <= room) return;
+  let [few, many] = [0, whole.length];
+  while (many - few > 1) {
+    const middle = (few + many) >> 1;
+    if (text.getSubStringLength(0, middle) <= room - 12) few = middle;
+    else many = middle;
+  }
+  text.textContent = `${whole.slice(0, few).trimEnd()}…`;
+  node("title", {}, text, whole);
 }
 
 /** Middles of a take's bins of time. */
@@ -250,10 +267,13 @@ function loops(parent, take) {
   });
 }
 
+// Characters that turn the direction of what stands beside them: names are other people's words.
+const TURNING = /[\u202a-\u202e\u2066-\u2069]/g;
+
 /** What the page holds as JSON under an id; null where it doesn't. */
 function held(id) {
   const found = document.getElementById(id);
-  return found ? JSON.parse(found.textContent) : null;
+  return found ? JSON.parse(found.textContent, (_, value) => (typeof value === "string" ? value.replace(TURNING, "") : value)) : null;
 }
 
 function drawFigures() {

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 from vrbench.errors import ConfigError
@@ -23,18 +24,21 @@ SCRIPTS = ("chart.js", "space.js", "figures.js", "tables.js")
 SCRIPT, STYLE = "vrbench.js", "vrbench.css"
 # A character that no text holds but to part texts.
 SEPARATOR = "\x1f"
+# What turns the direction of what stands beside it: a name in a page would rewrite its neighbours.
+TURNING = "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
 POLICY = (
     "default-src 'none'; script-src {script}; style-src {style}; img-src data:; "
     "base-uri 'none'; form-action 'none'"
 )
 
 
-def render(template: str, *, shared: bool, **values: Any) -> str:
+def render(template: str, *, shared: bool, curves: str = "", **values: Any) -> str:
     """A page.
 
     Args:
         template: its file.
         shared: whether script and style lie beside the page, or within it.
+        curves: JSON for the script, most of a page; the script itself minds what turns texts.
         values: what the template shows.
 
     Raises:
@@ -46,7 +50,11 @@ def render(template: str, *, shared: bool, **values: Any) -> str:
     else:
         policy = POLICY.format(script=_digest(script()), style=_digest(style()))
         values |= {"script": script(), "style": style()}
-    return _environment().get_template(template).render(policy=policy, **values)
+    place = token_hex(16)
+    page = _environment().get_template(template).render(policy=policy, curves=place, **values)
+    for character in TURNING:
+        page = page.replace(character, "")
+    return page.replace(place, curves)
 
 
 @cache
@@ -73,6 +81,11 @@ def number(value: float | None, digits: int = 4) -> str:
 def fixed(value: float | None, decimals: int) -> str:
     """A number of a column in which all have as many decimals; nothing for None."""
     return "" if value is None else f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def sentence(text: str) -> str:
+    """The text as a sentence begins; all else is left as it is, names too."""
+    return text[:1].upper() + text[1:]
 
 
 def three(value: float) -> str:
@@ -113,7 +126,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number=number, fixed=fixed, cells=cells)
+    environment.filters.update(number=number, fixed=fixed, cells=cells, sentence=sentence)
     return environment
 
 

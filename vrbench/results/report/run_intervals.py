@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vrbench.config.suite import Suite
-from vrbench.results.report.run_tables import Numbers, Place, Result
+from vrbench.results.board import FLOORED
+from vrbench.results.report.run_tables import Numbers, Place, Result, ranking
 from vrbench.results.tables import Row
 
 
@@ -21,28 +22,41 @@ def forests(
         ]
         if not shown:
             continue
-        floors = [
-            row.value
-            for line in shown
-            if (row := numbers[line.place].get(("floor.total", suite.rank.point, "value")))
-            and row.value is not None
-        ]
         unit = shown[0].ranked.unit if shown[0].ranked else ""
         several = f", by {reference}" if len(results) > 1 else ""
         charts.append(
             {
                 "title": f"The ranking number by take{several}",
-                "note": f"{suite.rank.metric}; intervals of 95 %; hollow where not ok",
-                "label": f"{suite.rank.statistic} at the {suite.rank.point}",
+                "note": f"{suite.rank.metric}; {_intervals(shown)}; hollow where not ok",
+                "label": ranking(suite),
                 "unit": unit,
-                "floor": max(floors) if floors and unit == "mm" else None,
-                "rows": [_point(line) for line in shown[:200]],
+                "rows": [_point(line, _floor(line, lines, numbers, suite)) for line in shown[:200]],
             }
         )
     return charts
 
 
-def _point(line: Result) -> dict[str, Any]:
+def _intervals(lines: Sequence[Result]) -> str:
+    known = any(line.ranked is not None and line.ranked.ci_low is not None for line in lines)
+    return "intervals of 95 %" if known else "no intervals are computed of it"
+
+
+def _floor(
+    line: Result, lines: Sequence[Result], numbers: Mapping[Place, Numbers], suite: Suite
+) -> float | None:
+    """The noise floor of a take; of takes together the largest of theirs, as on a leaderboard."""
+    if not suite.rank.metric.startswith(FLOORED):
+        return None
+    of = [line]
+    if line.pooled:
+        of = [one for one in lines if not one.pooled and one.place[:3] == line.place[:3]]
+    key = ("floor.total", suite.rank.point, "value")
+    rows = [numbers[one.place].get(key) for one in of]
+    known = [row.value for row in rows if row is not None and row.value is not None]
+    return max(known) if known and len(known) == len(of) else None
+
+
+def _point(line: Result, floor: float | None) -> dict[str, Any]:
     row = line.ranked
     assert row is not None
     return {
@@ -52,6 +66,7 @@ def _point(line: Result) -> dict[str, Any]:
         "value": row.value,
         "low": row.ci_low,
         "high": row.ci_high,
+        "floor": floor,
     }
 
 
@@ -77,9 +92,8 @@ def forest_of_changes(found: Sequence[Row], suite: Suite) -> list[dict[str, Any]
             {
                 "title": f"Change against the baseline{several}",
                 "note": f"{suite.rank.metric}, paired by phase; hollow where 95 % hold nought",
-                "label": f"change of the {suite.rank.statistic} at the {suite.rank.point}",
+                "label": f"change of the {ranking(suite)}",
                 "unit": lines[0].unit,
-                "floor": None,
                 "rows": [
                     {
                         "name": f"{row.case} {row.condition} - {suite.baseline}",
@@ -88,6 +102,7 @@ def forest_of_changes(found: Sequence[Row], suite: Suite) -> list[dict[str, Any]
                         "value": row.value,
                         "low": row.ci_low,
                         "high": row.ci_high,
+                        "floor": None,
                     }
                     for row in lines
                 ],

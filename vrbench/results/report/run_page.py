@@ -19,9 +19,9 @@ from vrbench.results.plot_data import curves_file, parse_curves
 from vrbench.results.report.pages import json_text, render
 from vrbench.results.report.run_intervals import changes, forest_of_changes, forests, separate
 from vrbench.results.report.run_tables import (
-    COLUMNS,
     HEADINGS,
     STATISTICS,
+    columns,
     headline,
     metrics,
     numbers_of,
@@ -110,7 +110,7 @@ def run_page(bundle: Bundle, protocol: str, site: Site | None = None) -> str:
         kind_notice=KINDS.get(record.kind),
         headline=headline(results, numbers, suite),
         results=results,
-        columns=COLUMNS,
+        columns=columns(rows, suite),
         stands=site.stands if site else alone(bundle, protocol),
         gate=_gate(suite),
         statuses=STATUS_WORDS,

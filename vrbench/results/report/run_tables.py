@@ -12,16 +12,18 @@ from vrbench.results.report.pages import number, three
 from vrbench.results.tables import COLUMNS as TABLE
 from vrbench.results.tables import STATUSES, Row
 
+Column = tuple[str, str, int, str, str, str]
 Place = tuple[str, str, str, str, str]
 """Reference, case, condition, mount, repeat; the last two `all` where takes are pooled."""
 
+APE = "ape.translation.aligned"
 # What a take's line shows: heading, unit, decimals, and metric, point, statistic.
-COLUMNS = (
-    ("rmse", "mm", 2, "ape.translation.aligned", "eye", "rmse"),
-    ("mean", "mm", 2, "ape.translation.aligned", "eye", "mean"),
-    ("std", "mm", 2, "ape.translation.aligned", "eye", "std"),
-    ("max", "mm", 2, "ape.translation.aligned", "eye", "max"),
-    ("rmse at tcp", "mm", 2, "ape.translation.aligned", "tcp", "rmse"),
+COLUMNS: tuple[Column, ...] = (
+    ("rmse", "mm", 2, APE, "eye", "rmse"),
+    ("mean", "mm", 2, APE, "eye", "mean"),
+    ("std", "mm", 2, APE, "eye", "std"),
+    ("max", "mm", 2, APE, "eye", "max"),
+    ("rmse at tcp", "mm", 2, APE, "tcp", "rmse"),
     ("rotation", "deg", 3, "ape.rotation.aligned", "eye", "rmse"),
     ("RPE 1 s", "mm", 2, "rpe.translation@1s", "eye", "rmse"),
     ("scale", "", 4, "scale", "eye", "value"),
@@ -35,6 +37,24 @@ SCOPES = {
     "mount": "speaks for mounts of this sitting",
     "sitting": "speaks for sittings",
 }
+
+
+def ranking(suite: Suite) -> str:
+    """The suite's ranking number in words."""
+    rank = suite.rank
+    metric = "APE" if rank.metric == APE else rank.metric
+    return f"{metric}, {rank.statistic} at the {rank.point}"
+
+
+def columns(rows: Iterable[Row], suite: Suite) -> list[Column]:
+    """What the table of takes shows: of `COLUMNS` what the run has, before it what is ranked."""
+    units = {(row.metric, row.point, row.statistic): row.unit for row in rows}
+    rank = suite.rank
+    ranked = (rank.metric, rank.point, rank.statistic)
+    found = [column for column in COLUMNS if column[3:] in units]
+    if ranked in units and ranked not in {column[3:] for column in COLUMNS}:
+        return [(rank.metric, units[ranked], 2, *ranked), *found]
+    return found
 
 
 def shown(lines: Sequence[list[str]], suite: Suite) -> list[list[str]]:
@@ -54,14 +74,13 @@ def shown(lines: Sequence[list[str]], suite: Suite) -> list[list[str]]:
         for group, cells in zip(groups, lines, strict=True)
         if cells[REPEAT] == "all"
         or group not in pooled
-        or ((cells[METRIC], cells[POINT], cells[STATISTIC]) in wanted and cells[VARIANT] == "main")
+        or (cells[VARIANT] == "main" and NUMBER(cells) in wanted)
     ]
 
 
 GROUP = itemgetter(*(TABLE.index(name) for name in ("case", "condition", "reference", "metric")))
-REPEAT, METRIC, POINT, STATISTIC, VARIANT = (
-    TABLE.index(name) for name in ("repeat", "metric", "point", "statistic", "variant")
-)
+NUMBER = itemgetter(*(TABLE.index(name) for name in ("metric", "point", "statistic")))
+REPEAT, VARIANT = TABLE.index("repeat"), TABLE.index("variant")
 
 
 Numbers = Mapping[tuple[str, str, str], Row]
@@ -83,7 +102,7 @@ class Result:
     Attributes:
         name: the take, or what is pooled.
         pooled: whether it is of several takes.
-        cells: one for each of `COLUMNS`.
+        cells: one for each of `columns`.
         ranked: the row of the suite's ranking metric, if there is one.
         status: how it counts, and `reason` why.
     """
@@ -101,12 +120,12 @@ def results_of(
     rows: Sequence[Row], numbers: Mapping[Place, Numbers], suite: Suite
 ) -> dict[str, list[Result]]:
     """The lines by reference: each group's takes, then the group as a whole."""
-    standings = _standings(rows, suite)
+    standings, headings = _standings(rows, suite), columns(rows, suite)
     lines: dict[str, list[Result]] = {}
     for place, found in numbers.items():
         reference, case, condition, mount, repeat = place
         pooled = repeat == "all"
-        cells = [found.get((metric, point, statistic)) for *_, metric, point, statistic in COLUMNS]
+        cells = [found.get((metric, point, statistic)) for *_, metric, point, statistic in headings]
         if not any(cells) or (pooled and mount != "all"):
             continue
         named = case if condition == "default" else f"{case} {condition}"
@@ -159,23 +178,22 @@ def headline(
             if row is None or row.value is None:
                 tiles.append({"name": named, "value": "none", "unit": "", "detail": line.reason})
                 continue
-            rank = f"{suite.rank.statistic} at the {row.point}" if row.point else row.statistic
             detail = ""
             if row.ci_low is not None and row.ci_high is not None:
                 detail = f"95 %: {three(row.ci_low)} to {three(row.ci_high)}, "
                 detail += SCOPES.get(row.ci_scope, "")
             tiles.append(
                 {
-                    "name": f"{named}: {rank}",
+                    "name": f"{named}: {ranking(suite)}",
                     "value": three(row.value),
                     "unit": row.unit,
                     "detail": detail,
                 }
             )
             for title, unit, metric, point, statistic in (
-                ("rmse at the tcp", "mm", "ape.translation.aligned", "tcp", "rmse"),
-                ("rotation, rmse", "deg", "ape.rotation.aligned", "eye", "rmse"),
-                ("largest at the eye", "mm", "ape.translation.aligned", "eye", "max"),
+                ("APE, rmse at the tcp", "mm", APE, "tcp", "rmse"),
+                ("APE of rotation, rmse", "deg", "ape.rotation.aligned", "eye", "rmse"),
+                ("APE, largest at the eye", "mm", APE, "eye", "max"),
             ):
                 other = numbers[line.place].get((metric, point, statistic))
                 if other is not None and other.value is not None:

@@ -5,11 +5,9 @@ Its pages name runs by their folders' names, never by where those lie on this ma
 
 from __future__ import annotations
 
-import gc
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from typing import Any
 from vrbench.errors import ConfigError, VrbenchError
 from vrbench.results.board import STATISTICS, Board, Entry, Leaderboard, notes
 from vrbench.results.bundle import Bundle
+from vrbench.results.collection import without_collection
 from vrbench.results.report.pages import SCRIPT, STYLE, render, script, style
 from vrbench.results.report.run_page import Site, Stand, run_page
 
@@ -67,7 +66,7 @@ def write_site(
     for k, folder in enumerate(folders):
         tell(folder.name, k, len(folders))
         site = Site(HOME, stands.get(str(folder), ()))
-        with _without_collection():
+        with without_collection():
             lines.append(_write_run(folder, protocol, site, out / pages[str(folder)], trouble))
     written = {line.page for line in lines}
     links = {run: page for run, page in pages.items() if page in written}
@@ -78,18 +77,6 @@ def write_site(
     (out / RUNS).write_text(
         render("runs.html.j2", shared=True, home=HOME, lines=lines), encoding="utf-8"
     )
-
-
-@contextmanager
-def _without_collection() -> Iterator[None]:
-    """A page makes many small lists and no cycles: looking for some is a fifth of its time."""
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
 
 
 def _make(out: Path) -> None:
@@ -148,15 +135,13 @@ def _write_run(
 def _board_page(board: Board, links: Mapping[str, str]) -> str:
     shown = [entry for entry in board.entries if entry.value is not None][:MOST_INTERVALS]
     apart = len({tuple(e.ranked_among) for e in board.entries if e.ranked_among}) > 1
-    floors = [e.floor for e in board.entries if e.floor is not None and e.unit == board.unit]
     forest = {
         "title": "Devices with their intervals",
         "note": "95 %; hollow: not ranked; pub.: printed by others"
         + (f"; the first {len(shown)}" if len(board.entries) > len(shown) else ""),
         "label": board.metric,
         "unit": board.unit,
-        "floor": max(floors) if floors and not board.change else None,
-        "rows": [_interval(entry, apart) for entry in shown],
+        "rows": [_interval(entry, board, apart) for entry in shown],
     }
     ranked_by = [name for name in STATISTICS if f" {name} " in board.metric]
     return render(
@@ -176,7 +161,7 @@ def _board_page(board: Board, links: Mapping[str, str]) -> str:
     )
 
 
-def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
+def _interval(entry: Entry, board: Board, apart: bool) -> dict[str, Any]:
     """A line of the chart; where labs are ranked apart, places of several would stand mixed."""
     place = "" if apart else f"{entry.places}  "
     return {
@@ -186,6 +171,8 @@ def _interval(entry: Entry, apart: bool) -> dict[str, Any]:
         "value": entry.value,
         "low": entry.low,
         "high": entry.high,
+        # that of a change isn't that of the error
+        "floor": None if board.change or entry.unit != board.unit else entry.floor,
     }
 
 

@@ -2,19 +2,32 @@
 "use strict";
 
 const CLASSES = 5;
+const BITS = 60;
+// Yaw and pitch (rad) of the views on offer: one from a corner, and three along an axis.
+const VIEWS = [
+  ["corner", [-0.7, 0.45]],
+  ["from above", [0, Math.PI / 2]],
+  ["along y", [0, 0]],
+  ["along x", [Math.PI / 2, 0]],
+];
 
 class Space {
   constructor(parent, spec) {
     this.spec = spec;
-    this.turn = [-0.7, 0.45];
+    this.turn = VIEWS[0][1];
     this.svg = node("svg", { role: "img", tabindex: "0", class: "space" });
     this.svg.setAttribute("aria-label", `${spec.title}. ${spec.summary} Arrow keys turn it.`);
     const caption = element("figcaption", {}, element("strong", {}, spec.title), element("span", { class: "note" }, ` ${spec.note}`));
     const save = element("button", { type: "button", class: "save" }, "Save SVG");
     save.setAttribute("aria-label", `Save the figure ${spec.title} as SVG`);
     save.addEventListener("click", () => saveFigure(this.svg, spec.title));
-    const hint = element("span", { class: "readout" }, "drag or arrow keys turn it");
-    this.figure = element("figure", {}, caption, this.legend(), this.svg, element("div", { class: "foot" }, hint, save));
+    const views = element("div", { class: "views", role: "group", "aria-label": "View" }, "drag or arrow keys turn it:");
+    for (const [name, turn] of VIEWS) {
+      const button = element("button", { type: "button" }, name);
+      button.addEventListener("click", () => this.look(turn));
+      views.append(button);
+    }
+    this.figure = element("figure", {}, caption, this.legend(), this.svg, element("div", { class: "foot" }, views, save));
     parent.append(this.figure);
     this.listen();
     new ResizeObserver(() => this.draw()).observe(this.figure);
@@ -59,7 +72,12 @@ class Space {
   }
 
   rotate(yaw, pitch) {
-    this.turn = [this.turn[0] + yaw, Math.min(Math.max(this.turn[1] + pitch, -1.5), 1.5)];
+    const steepest = Math.PI / 2;
+    this.look([this.turn[0] + yaw, Math.min(Math.max(this.turn[1] + pitch, -steepest), steepest)]);
+  }
+
+  look(turn) {
+    this.turn = turn;
     this.draw();
   }
 
@@ -80,21 +98,37 @@ class Space {
     const flat = (p) => {
       const [a, b, c] = p.map((value, k) => value - middle[k]);
       const [u, v] = [a * cy - b * sy, a * sy + b * cy];
-      return [width / 2 + u * scale, height / 2 - (c * cp - v * sp) * scale];
+      return [width / 2 + u * scale, height / 2 - (c * cp + v * sp) * scale];
     };
     this.cage(box, flat, size, width);
-    const paths = Array.from({ length: CLASSES }, () => "");
+    this.bits = [];
+    // drawn bit by bit: in one go the largest errors of any pass would cover all that lies there
+    const bit = Math.ceil(xyz[0].length / BITS);
+    let paths = [];
     let before = null;
     for (let k = 0; k < xyz[0].length; k += 1) {
+      if (k % bit === 0) paths = this.bit();
       const p = xyz.map((column) => column[k]);
       if (p.includes(null)) { before = null; continue; }
       const here = flat(p).map((value) => value.toFixed(1)).join(" ");
       const error = this.spec.error ? this.spec.error[k] : null;
       const at = error === null ? 0 : Math.min(Math.floor((error / this.spec.top) * CLASSES), CLASSES - 1);
-      if (before !== null) paths[at] += `M${before}L${here}`;
+      if (before !== null) paths[at].d += `M${before}L${here}`;
       before = here;
     }
-    paths.forEach((d, k) => node("path", { d, class: `line ${this.spec.error ? `e${k}` : "s1"}` }, this.svg));
+    for (const { d, path } of this.bits) {
+      if (d) path.setAttribute("d", d);
+      else path.remove();
+    }
+  }
+
+  /** A path for each class, for a stretch of time. */
+  bit() {
+    const paths = Array.from({ length: CLASSES }, (_, k) => (
+      { d: "", path: node("path", { class: `line ${this.spec.error ? `e${k}` : "s1"}` }, this.svg) }
+    ));
+    this.bits.push(...paths);
+    return paths;
   }
 
   /** The box around the path, with the lengths of its sides. */
@@ -122,9 +156,13 @@ class Space {
         const to = [...from];
         to[k] = box[k][1];
         const p = flat(from.map((value, i) => (value + to[i]) / 2));
-        return { p, weight: k < 2 ? p[1] : Math.abs(p[0] - centre[0]) + (p[0] < centre[0] ? 1 : 0) };
+        const far = flat(to);
+        const near = flat(from);
+        return { p, length: Math.hypot(far[0] - near[0], far[1] - near[1]), weight: k < 2 ? p[1] : Math.abs(p[0] - centre[0]) + (p[0] < centre[0] ? 1 : 0) };
       });
       const best = middles.reduce((a, b) => (b.weight > a.weight ? b : a));
+      // seen from its end a side has no length to tell
+      if (best.length < 12) continue;
       const away = [best.p[0] - centre[0], best.p[1] - centre[1]];
       const length = Math.hypot(...away) || 1;
       const at = [best.p[0] + (away[0] / length) * 14, best.p[1] + (away[1] / length) * 14 + 4];

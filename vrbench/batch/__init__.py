@@ -1,0 +1,1 @@
+"""Many runs at once: units of work, processes and places that are shared."""

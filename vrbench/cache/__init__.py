@@ -1,0 +1,1 @@
+"""What evaluation found before, kept by all that it rests on."""
