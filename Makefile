@@ -13,7 +13,7 @@ RUNS := runs/demo
 # One more than there are cores: some tests wait for devices that run in real time.
 WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
-.PHONY: demo test lint docs dist clean
+.PHONY: demo test lint bench docs dist clean
 
 demo: $(VENV)/demo
 	@rm -rf $(RUNS)
@@ -29,6 +29,10 @@ lint: $(VENV)/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Peers and vrbench on the same files: tables for docs/performance.md. BENCH="ape mcap --quick" chooses.
+bench: $(VENV)/bench
+	$(BIN)/python -m benchmarks $(BENCH)
 
 docs: $(VENV)/docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs build/docs
@@ -62,6 +66,10 @@ $(VENV)/test: $(MANIFESTS) | $(BIN)/python
 	$(PIP) --editable '.[c3d,cluster,evo,lint,parquet,report,test]' $(EDITABLE)
 	-$(PIP) $(WITNESSES)
 	@touch $@ $(VENV)/demo
+
+$(VENV)/bench: $(VENV)/test
+	$(PIP) --editable '.[bench]'
+	@touch $@
 
 $(VENV)/docs: $(MANIFESTS) | $(BIN)/python
 	$(PIP) --editable '.[docs]'

@@ -84,13 +84,23 @@ class Trajectory:
 
     def at(self, t: Ints) -> Transform:
         """Poses at the times t (m,) [ns] within the trajectory: linear in p, slerp in q."""
+        left, right, u = around = self._around(t)
+        q = slerp(self.pose.q[left], self.pose.q[right], u)
+        return Transform(self._between(*around), q)
+
+    def position_at(self, t: Ints) -> Floats:
+        """Positions (m, 3) at the times t (m,) [ns] within the trajectory: linear."""
+        return self._between(*self._around(t))
+
+    def _between(self, left: Ints, right: Ints, u: Floats) -> Floats:
+        return self.pose.p[left] + u[:, None] * (self.pose.p[right] - self.pose.p[left])
+
+    def _around(self, t: Ints) -> tuple[Ints, Ints, Floats]:
+        """The samples before and after times t (m,) [ns], and how far t is from one to the next."""
         last = len(self) - 1
         left = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, max(last - 1, 0))
         right = np.minimum(left + 1, last)
-        span = np.maximum(self.t[right] - self.t[left], 1)
-        u = (t - self.t[left]) / span
-        p = self.pose.p[left] + u[:, None] * (self.pose.p[right] - self.pose.p[left])
-        return Transform(p, slerp(self.pose.q[left], self.pose.q[right], u))
+        return left, right, (t - self.t[left]) / np.maximum(self.t[right] - self.t[left], 1)
 
     def covers(self, t: Ints, max_gap_ns: float) -> Bools:
         """Where the times t (m,) lie between two stamps that are at most max_gap_ns apart."""

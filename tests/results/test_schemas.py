@@ -11,7 +11,9 @@ import pytest
 
 from vrbench.config.shipped import shipped_files
 from vrbench.config.yaml_file import load_yaml
+from vrbench.errors import DataError
 from vrbench.results.schemas import MODELS, json_schema
+from vrbench.results.tables import Row, read_rows, write_rows
 
 
 def takes(name: str, content: Any) -> bool:
@@ -100,3 +102,49 @@ def test_units_are_said_in_words() -> None:
     )
     pose = json_schema("rig")["$defs"]["Pose"]["properties"]
     assert pose["p_m"]["description"] == "position x, y, z [m]."
+
+
+KEY = "protocol device suite case condition sitting mount repeat segment reference variant metric"
+ROW = {
+    **dict.fromkeys(KEY.split(), ""),
+    "metric": "ape.translation.aligned",
+    "point": "eye",
+    "band": "all",
+    "statistic": "rmse",
+    "value": 2.0,
+    "unit": "mm",
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "possible"),
+    [
+        ({}, True),
+        ({"value": None, "status": "failed"}, True),
+        ({"value": -5.0}, False),
+        ({"value": -5.0, "variant": "vs-baseline"}, True),
+        ({"value": -5.0, "statistic": "slope"}, True),
+        ({"value": -5.0, "statistic": "median"}, False),
+        ({"value": -5.0, "statistic": "median", "metric": "clock.offset"}, True),
+        ({"value": 101.0, "unit": "%", "statistic": "value"}, False),
+        ({"status": "great"}, False),
+        ({"samples": -1}, False),
+        ({"ci_low": 1.0, "ci_high": 3.0, "ci_scope": "house"}, False),
+    ],
+)
+def test_the_schema_of_rows_refuses_what_the_reader_refuses(
+    tmp_path: Path, change: dict[str, Any], possible: bool
+) -> None:
+    row = Row(**{**ROW, **change})
+    write_rows([row], tmp_path / "rows.csv")
+    if possible:
+        assert read_rows(tmp_path / "rows.csv") == [row]
+    else:
+        with pytest.raises(DataError, match="a row can't be read"):
+            read_rows(tmp_path / "rows.csv")
+    valid = fastjsonschema.compile(json_schema("results")["$defs"]["Row"])
+    if possible:
+        valid({**ROW, **change})
+    else:
+        with pytest.raises(fastjsonschema.JsonSchemaException):
+            valid({**ROW, **change})

@@ -20,6 +20,7 @@ UNITS = {
     "m": "m",
 }
 HALF_TURN = {"deg": 180.0, "rad": 3.141592653589793}
+NOT_BOTH = "--all is in m and in deg: it needs no --rotation"
 NEEDS_RPE = "--all-pairs is of --rpe DELTA: pairs of poses that far apart"
 
 
@@ -32,7 +33,13 @@ NEEDS_RPE = "--all-pairs is of --rpe DELTA: pairs of poses that far apart"
 @click.option("--align", "-a", is_flag=True, help="Align EST by SE(3) on its positions (Umeyama).")
 @click.option("--rotation", "-r", is_flag=True, help="Angles in deg, instead of distances in m.")
 @click.option(
-    "--rpe", metavar="DELTA", help="Relative error over a DELTA: '1 frame', '0.5 m', '10 deg'."
+    "--rpe",
+    metavar="DELTA",
+    multiple=True,
+    help="Relative error over a DELTA: '1 frame', '0.5 m', '10 deg'; as often as you like.",
+)
+@click.option(
+    "--all", "everything", is_flag=True, help="In m and in deg, absolute and over each DELTA."
 )
 @click.option("--all-pairs", is_flag=True, help="With --rpe: a pair from each pose.")
 @click.option(
@@ -53,7 +60,8 @@ def command(
     estimate: str,
     align: bool,
     rotation: bool,
-    rpe: str | None,
+    rpe: tuple[str, ...],
+    everything: bool,
     all_pairs: bool,
     max_diff: float,
     cross_check: str | None,
@@ -63,28 +71,38 @@ def command(
     Poses are paired by nearest stamps, as they stand: clocks and frames must be the same, or with
     --align the frames may differ.
     """
-    if all_pairs and rpe is None:
+    if all_pairs and not rpe:
         raise click.UsageError(NEEDS_RPE)
-    delta = None if rpe is None else parse_delta(rpe, all_pairs)
+    if everything and rotation:
+        raise click.UsageError(NOT_BOTH)
+    deltas: list[Delta | None] = [parse_delta(text, all_pairs) for text in rpe]
+    if everything or not deltas:
+        deltas.insert(0, None)
 
     from vrbench.cli._evo import run_evo, show_check
     from vrbench.metrics.as_evo import Question, compare
     from vrbench.recording.poses import read_poses
 
-    question = Question(rotation, align, delta, max_diff)
-    truth, found = read_poses(reference), read_poses(estimate)
-    answer = compare(truth, found, question)
-    click.echo(
-        f"{len(truth)} poses of {reference}, {len(found)} of {estimate}: "
-        f"{answer.associated} pairs within {max_diff:g} s"
-    )
-    click.echo(f"{question.title}\n")
-    numbers = answer.statistics
-    for name, value in numbers.items():
-        click.echo(f"{name:>10}\t{value:.6f}")
-    if cross_check:
-        click.echo()
-        sys.exit(show_check(numbers, run_evo(reference, truth, estimate, found, question)))
+    parts = (False, True) if everything else (rotation,)
+    questions = [Question(part, align, delta, max_diff) for delta in deltas for part in parts]
+    truth, found = read_poses(reference, estimate)
+    differs = False
+    for number, question in enumerate(questions):
+        answer = compare(truth, found, question)
+        if number == 0:
+            click.echo(
+                f"{len(truth)} poses of {reference}, {len(found)} of {estimate}: "
+                f"{answer.associated} pairs within {max_diff:g} s"
+            )
+        click.echo(f"{question.title}\n" if number == 0 else f"\n{question.title}\n")
+        numbers = answer.statistics
+        for name, value in numbers.items():
+            click.echo(f"{name:>10}\t{value:.6f}")
+        if cross_check:
+            click.echo()
+            theirs = run_evo(reference, truth, estimate, found, question)
+            differs |= show_check(numbers, theirs) != 0
+    sys.exit(1 if differs else 0)
 
 
 def parse_delta(text: str, all_pairs: bool) -> Delta:

@@ -13,6 +13,7 @@ from vrbench.geometry import (
     Floats,
     Ints,
     Transform,
+    cross,
     quat_conjugate,
     quat_multiply,
     quat_normalize,
@@ -157,7 +158,7 @@ class Model:
         return _Terms(
             translation=state.scale * unscaled + state.centre - place,
             rotation=quat_to_rotvec(relative),
-            velocity=tcp.v + quat_rotate(tcp.q, np.cross(tcp.w, state.x.p)),
+            velocity=tcp.v + quat_rotate(tcp.q, cross(tcp.w, state.x.p)),
             angular_velocity=tcp.w,
             tcp_q=tcp.q,
             unscaled=unscaled,

@@ -11,7 +11,7 @@ from vrbench.geometry import Floats, Transform
 from vrbench.metrics.association import associate
 from vrbench.metrics.evo_rounding import alignment, angles_from, matrices, steps, turns
 from vrbench.metrics.pairs import TOLERANCE, Pairs, end_to_end, pairs_by_frames, pairs_by_path
-from vrbench.metrics.pose_errors import ape_rotation, ape_translation, rpe
+from vrbench.metrics.pose_errors import ape_rotation, rpe
 from vrbench.metrics.summary import statistics
 from vrbench.trajectory import Stamped
 
@@ -95,52 +95,69 @@ def compare(reference: Stamped, estimate: Stamped, question: Question) -> Answer
         DataError: a quaternion of length nought, where rotations matter.
     """
     i, j = associate(reference.t, estimate.t, question.max_diff_s)
-    truth, found = reference.pose[i], estimate.pose[j]
-    if question.rotation or question.delta is not None:
-        # the matrices are of the quaternions as they stand: another division is another rounding
-        normalised = _normalised(truth, "reference"), _normalised(found, "estimate")
-        m = matrices(found)
-        truth, found = normalised
-    else:
-        found = Transform(found.p, np.tile([0.0, 0.0, 0.0, 1.0], (len(found), 1)))
-        m = matrices(found)
-    if question.aligned:
-        frame = alignment(truth.p, found.p)
-        m = np.matmul(frame, m)
-        found = Transform(m[:, :3, 3], (Transform.from_matrix(frame) @ found).q)
+    if not question.rotation and question.delta is None:
+        error = _distances(reference.pose.p[i], estimate.pose.p[j], question.aligned)
+        return Answer(len(i), error)
+    truth = _normalised(reference.pose[i], "reference")
+    as_written = estimate.pose[j]
+    found = _normalised(as_written, "estimate")
+    frame = alignment(truth.p, found.p) if question.aligned else None
     if question.delta is None:
-        ape = ape_rotation if question.rotation else ape_translation
-        error = ape(truth, found)
+        aligned = found if frame is None else Transform.from_matrix(frame) @ found
+        error = ape_rotation(truth, aligned)
     else:
-        error = rpe(truth, found, pairs(m, question.delta))[1 if question.rotation else 0]
+        # what is between two poses doesn't depend on the frame they are told in
+        apart = pairs(as_written, frame, question.delta)
+        error = rpe(truth, found, apart)[1 if question.rotation else 0]
     return Answer(len(i), np.degrees(error) if question.rotation else error)
 
 
-def pairs(m: Floats, delta: Delta) -> Pairs:
-    """Indices (k,) of the first and of the second poses, of (n, 4, 4), that are a delta apart.
+def _distances(reference_p: Floats, estimate_p: Floats, aligned: bool) -> Floats:
+    """Distances (n,) [m] of positions (n, 3); of no other part of the poses."""
+    if aligned:
+        frame = alignment(reference_p, estimate_p)
+        turned = sum(estimate_p[:, i, None] * frame[:3, i] for i in range(3))
+        estimate_p = turned + frame[:3, 3]
+    difference = estimate_p - reference_p
+    return np.sqrt(np.einsum("ij,ij->i", difference, difference))
+
+
+def pairs(pose: Transform, frame: Floats | None, delta: Delta) -> Pairs:
+    """Indices (k,) of the first and of the second poses that are a delta apart.
+
+    Args:
+        pose: poses (n,), their quaternions as they stand: another division would be another
+            rounding, on which ties depend.
+        frame: the transform (4, 4) that aligns them, if they are aligned.
+        delta: how far apart.
 
     Raises:
         EstimationError: there are none.
     """
     if delta.unit == "frames":
-        found = pairs_by_frames(len(m), int(delta.value), all_pairs=delta.all_pairs)
-    elif delta.unit == "m":
-        if delta.all_pairs:
-            tolerance = delta.value * TOLERANCE
-            found = pairs_by_path(m[:, :3, 3], delta.value, tolerance, all_pairs=True)
-        else:
-            found = end_to_end(steps(m), delta.value)
+        found = pairs_by_frames(len(pose), int(delta.value), all_pairs=delta.all_pairs)
     else:
-        rad, tolerance = delta.value, delta.value * TOLERANCE
-        if delta.unit == "deg":
-            rad, tolerance = float(np.deg2rad(rad)), float(np.deg2rad(tolerance))
-        found = _all_turned(m, rad, tolerance) if delta.all_pairs else end_to_end(turns(m), rad)
+        m = matrices(pose)
+        found = _measured(m if frame is None else np.matmul(frame, m), delta)
     if len(found[0]) == 0:
         raise EstimationError(
-            f"no two of {len(m)} poses are {delta.value:g} {delta.unit} apart",
+            f"no two of {len(pose)} poses are {delta.value:g} {delta.unit} apart",
             fix="a smaller DELTA",
         )
     return found
+
+
+def _measured(m: Floats, delta: Delta) -> Pairs:
+    """Pairs so many metres or so much of a turn apart, of matrices (n, 4, 4)."""
+    if delta.unit == "m":
+        if not delta.all_pairs:
+            return end_to_end(steps(m), delta.value)
+        tolerance = delta.value * TOLERANCE
+        return pairs_by_path(m[:, :3, 3], delta.value, tolerance, all_pairs=True)
+    rad, tolerance = delta.value, delta.value * TOLERANCE
+    if delta.unit == "deg":
+        rad, tolerance = float(np.deg2rad(rad)), float(np.deg2rad(tolerance))
+    return _all_turned(m, rad, tolerance) if delta.all_pairs else end_to_end(turns(m), rad)
 
 
 def _all_turned(m: Floats, rad: float, tolerance: float) -> Pairs:

@@ -48,7 +48,7 @@ def differences(a: Trajectory, b: Trajectory, lag: int) -> Floats:
     """Differences (k, 3) [m] of b, `lag` [ns] later, to a, at a's stamps that b covers."""
     t = a.t + lag
     inside = _inside(b, t)
-    return b.at(t[inside]).p - a.pose.p[inside]
+    return b.position_at(t[inside]) - a.pose.p[inside]
 
 
 def _differences(a: Trajectory, b: Trajectory, lag: int) -> tuple[Floats, Floats]:
@@ -56,7 +56,7 @@ def _differences(a: Trajectory, b: Trajectory, lag: int) -> tuple[Floats, Floats
     t = a.t + lag
     t = t[_inside(b, t)]
     half = round(0.5 * b.period_s * NS)
-    before, after = (b.at(np.clip(t + d, b.t[0], b.t[-1])).p for d in (-half, half))
+    before, after = (b.position_at(np.clip(t + d, b.t[0], b.t[-1])) for d in (-half, half))
     return differences(a, b, lag), (after - before) * NS / (2 * half)
 
 
@@ -69,7 +69,7 @@ def _inside(b: Trajectory, t: np.ndarray) -> Bools:
 
 def _positions(x: Trajectory) -> Floats:
     grid = np.arange(0, int(x.t[-1] - x.t[0]) + 1, round(NS / GRID_HZ)) + x.t[0]
-    return x.at(grid).p
+    return x.position_at(grid)
 
 
 def _on_grid(a: Floats, b: Floats, max_lag_s: float) -> float:

@@ -25,14 +25,25 @@ def theil_sen(x: Floats, y: Floats) -> float:
     """
     if len(x) > GROUPS:
         order = np.argsort(x, kind="stable")
-        groups = np.array_split(order, GROUPS)
-        x, y = (np.array([np.median(values[group]) for group in groups]) for values in (x, y))
+        x, y = _medians(x[order]), _medians(y[order])
     first, second = np.triu_indices(len(x), k=1)
     run = x[second] - x[first]
     keep = run != 0.0
     if not keep.any():
         raise EstimationError("a slope needs samples at two different places")
     return float(np.median((y[second] - y[first])[keep] / run[keep]))
+
+
+def _medians(values: Floats) -> Floats:
+    """Medians of `GROUPS` groups of neighbours, the first of them one longer if need be."""
+    size, longer = divmod(len(values), GROUPS)
+    split = longer * (size + 1)
+    return np.concatenate(
+        (
+            np.median(values[:split].reshape(longer, size + 1), axis=1),
+            np.median(values[split:].reshape(GROUPS - longer, size), axis=1),
+        )
+    )
 
 
 def slope_interval(x: Floats, y: Floats, level: float) -> tuple[float, float] | None:

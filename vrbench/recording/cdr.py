@@ -152,7 +152,7 @@ def decode_poses(messages: Messages) -> Samples:
     frame = _padded(b"\0" * (4 + length), 8, 8)
     rows = messages.rows(_pose_layout(frame))
     t = rows["sec"].astype(np.int64) * NS + rows["nanosec"]
-    pose = Transform(rows["p"].copy(), rows["q"].copy())
+    pose = Transform(rows["p"], rows["q"])
     return Samples.of(t, pose, receive_t=messages.log_t)
 
 
@@ -171,12 +171,12 @@ def decode_samples(messages: Messages) -> Samples:
     """The samples of `vrbench_msgs/msg/Sample` messages."""
     rows = messages.rows(_SAMPLE_LAYOUT)
     return Samples(
-        source_t=rows["source"].copy(),
-        pose_t=rows["pose_t"].copy(),
-        receive_t=rows["receive"].copy(),
-        pose=Transform(rows["p"].copy(), rows["q"].copy()),
-        flags=rows["flags"].copy(),
-        epoch=rows["epoch"].copy(),
+        source_t=rows["source"],
+        pose_t=rows["pose_t"],
+        receive_t=rows["receive"],
+        pose=Transform(rows["p"], rows["q"]),
+        flags=rows["flags"],
+        epoch=rows["epoch"],
     )
 
 
@@ -234,7 +234,7 @@ def decode_joints(messages: Messages) -> Joints:
     names = tuple(text() for _ in range(count))
     rows = messages.rows(_joint_layout(_joint_names(names, frame_id), count))
     t = rows["sec"].astype(np.int64) * NS + rows["nanosec"]
-    return Joints(t, messages.log_t, rows["position"].copy(), rows["velocity"].copy(), names)
+    return Joints(t, messages.log_t, rows["position"], rows["velocity"], names)
 
 
 def encode_exchanges(exchanges: Exchanges) -> list[bytes]:
@@ -272,12 +272,12 @@ def decode_states(messages: Messages) -> States:
     """The states of `vrbench_msgs/msg/RobotState` messages."""
     rows = messages.rows(_STATE_LAYOUT)
     return States(
-        t=rows["t"].copy(),
-        receive_t=rows["receive"].copy(),
-        device_t=rows["device"].copy(),
-        speed_scaling=rows["speed_scaling"].copy(),
-        safety=rows["safety"].copy(),
-        runtime=rows["runtime"].copy(),
+        t=rows["t"],
+        receive_t=rows["receive"],
+        device_t=rows["device"],
+        speed_scaling=rows["speed_scaling"],
+        safety=rows["safety"],
+        runtime=rows["runtime"],
     )
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from io import StringIO
+from operator import attrgetter
 from pathlib import Path
 
 from vrbench.errors import DataError
@@ -42,6 +43,7 @@ class PhaseRow:
 
 
 COLUMNS = [field.name for field in fields(PhaseRow)]
+_cells = attrgetter(*COLUMNS)
 
 
 def phase_rows(take: TakeRecord, scored: ScoredTake | None, reference: str) -> Iterator[PhaseRow]:
@@ -74,7 +76,7 @@ def write_phases(rows: Iterable[PhaseRow], path: Path) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in rows:
-        table.writerow(f"{c:.7g}" if isinstance(c, float) else c for c in astuple(row))
+        table.writerow(f"{c:.7g}" if isinstance(c, float) else c for c in _cells(row))
     path.parent.mkdir(exist_ok=True)
     replace_text(path, text.getvalue())
 

@@ -54,6 +54,7 @@ def _row() -> dict[str, Any]:
     fields["status"]["enum"] = list(STATUSES)
     fields["ci_scope"]["enum"] = ["", *SCOPES]
     fields["samples"]["minimum"] = 0
+    plain = {"properties": {"variant": {"not": {"const": DIFFERENCE}}}}
     unsigned = {
         "anyOf": [
             {"properties": {"statistic": {"enum": sorted(UNSIGNED)}}},
@@ -64,9 +65,9 @@ def _row() -> dict[str, Any]:
                 }
             },
         ],
-        "properties": {"variant": {"not": {"const": DIFFERENCE}}},
+        **plain,
     }
-    percent = {"properties": {"unit": {"const": "%"}}}
+    percent = {"allOf": [plain, {"properties": {"unit": {"const": "%"}}}]}
     schema["allOf"] = [
         {"if": unsigned, "then": {"properties": {"value": {"minimum": 0}}}},
         {"if": percent, "then": {"properties": {"value": {"minimum": 0, "maximum": WHOLE}}}},

@@ -6,9 +6,10 @@ import csv
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from io import StringIO
 from math import isfinite
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,7 @@ class Row:
 
     @property
     def key(self) -> tuple[str, ...]:
-        return astuple(self)[: COLUMNS.index("value")]
+        return _cells(self)[: _AT[0]]
 
     def over(self, *columns: str) -> Row:
         """The row with `all` in these columns of text."""
@@ -66,6 +67,7 @@ class Row:
 
 
 COLUMNS = [field.name for field in fields(Row)]
+_cells = attrgetter(*COLUMNS)
 _NUMBERS = ("value", "ci_low", "ci_high")
 _AT = tuple(COLUMNS.index(name) for name in _NUMBERS)
 _SAMPLES = COLUMNS.index("samples")
@@ -85,7 +87,7 @@ def write_rows(rows: Iterable[Row], path: Path) -> None:
             raise ValueError(f"{row.metric} {row.statistic} is {row.value}")
         table.writerow(
             "" if cell is None else f"{cell:.10g}" if isinstance(cell, float) else cell
-            for cell in astuple(row)
+            for cell in _cells(row)
         )
     path.parent.mkdir(exist_ok=True)
     replace_text(path, text.getvalue())
@@ -162,7 +164,8 @@ def _row(cells: list[str]) -> Row:
         raise ValueError(f"status is {row.status!r}, none of {', '.join(STATUSES)}")
     if row.value is not None and row.value < 0.0 and _unsigned(row):
         raise ValueError(f"{row.metric} {row.statistic} is {row.value:g}, which can't be negative")
-    if row.unit == "%" and row.value is not None and not 0.0 <= row.value <= WHOLE:
+    share = row.unit == "%" and row.variant != DIFFERENCE
+    if share and row.value is not None and not 0.0 <= row.value <= WHOLE:
         raise ValueError(f"{row.metric} is {row.value:g} %")
     if row.ci_low is not None or row.ci_high is not None:
         _check_interval(row)

@@ -154,6 +154,8 @@ def draw_members(
         rng: where the randomness comes from.
         first: added to the indices.
     """
+    if len(places) == 1:
+        return [first]
     return [first + i for i in _draw(list(range(len(places))), places, 0, rng)]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vrbench.estimation.blocks import block_covariance
-from vrbench.geometry import Floats, Ints, Transform, quat_multiply, rotvec_to_quat
+from vrbench.geometry import Floats, Ints, Transform, cross, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
@@ -131,7 +131,7 @@ def _turn_covariance(at: Compared, bins: np.ndarray) -> Floats:
     """Covariance (3, 3) [deg^2] of the rotation of an alignment, from the errors it leaves."""
     arm = at.estimate.p - at.estimate.p.mean(axis=0)
     inertia = np.sum(arm * arm) * np.eye(3) - arm.T @ arm
-    scores = np.cross(arm, at.translation())
+    scores = cross(arm, at.translation())
     sums: Floats = np.stack([np.bincount(bins, column) for column in scores.T], 1).astype(float)
     covariance, _ = block_covariance(np.linalg.inv(inertia), sums)
     return np.degrees(np.degrees(covariance))
