@@ -131,7 +131,9 @@ class ImporterConformance(WithOptions):
         """A headset's log has the rate that its model declares, where that is installed."""
         logs = [sample for sample in self.there() if sample.stream == "headset"]
         declared = self._declared()
-        for sample in logs if declared is not None else ():
+        if declared is None:
+            return
+        for sample in logs:
             measured = median_rate(sample.imported.samples)
             require(
                 abs(measured / declared - 1.0) < RATE_TOLERANCE,
