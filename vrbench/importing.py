@@ -9,7 +9,7 @@ from pathlib import Path
 from vrbench.config.recordings import RecordedTake, Recordings, Source, load_recordings
 from vrbench.config.shipped import find_file
 from vrbench.config.suite import DEFAULT, Case, Suite, load_suite, take_name
-from vrbench.config.yaml_file import as_yaml
+from vrbench.config.yaml_file import as_yaml, located
 from vrbench.errors import ConfigError, DataError, VrbenchError
 from vrbench.motion.files import given
 from vrbench.motion.generators import GENERATORS, generate
@@ -57,7 +57,9 @@ def import_recordings(name: str, folder: Path | None, plugins: Plugins, tell: Te
     recordings = load_recordings(path)
     suite = load_suite(recordings.suite, dict(plugins.suites), beside=path.parent)
     families_of(suite, plugins, str(path))
-    cases = [_case_of(take, suite, path) for take in recordings.takes]
+    cases = [
+        _case_of(take, suite, path, f"takes.{index}") for index, take in enumerate(recordings.takes)
+    ]
     folder = folder or default_folder(suite.suite, recordings.device.headset)
     _check_permission(recordings, suite, path)
     record = RunRecord(
@@ -107,11 +109,13 @@ def _check_permission(recordings: Recordings, suite: Suite, path: Path) -> None:
             )
 
 
-def _case_of(take: RecordedTake, suite: Suite, path: Path) -> Case:
+def _case_of(take: RecordedTake, suite: Suite, path: Path, where: str) -> Case:
+    field = f"{where}.case"
     try:
         case = suite.case(take.case)
     except ConfigError as error:
-        raise ConfigError(error.what, file=path, field="takes.case", fix=error.fix) from None
+        place = located(path, field)
+        raise ConfigError(error.what, file=place, field=field, fix=error.fix) from None
     if take.headset is None and suite.mover != "person":
         raise ConfigError("a take has no headset", file=path, field="takes.headset")
     if case.role == "scored" and take.motion is None:
@@ -216,7 +220,8 @@ def _read(
     else:
         file = path.parent / source.path
     if not file.exists():
-        raise DataError("no such file", file=file, field=f"{path}: {where}.path")
+        field = f"{where}.path"
+        raise DataError("no such file", file=file, field=f"{located(path, field)}: {field}")
     try:
         imported: object = importer.read(file, options)
     except (VrbenchError, OSError):

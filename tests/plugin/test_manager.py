@@ -3,13 +3,15 @@ import re
 import subprocess
 import sys
 import textwrap
+from types import SimpleNamespace
 
 import pytest
 from pydantic import BaseModel, ConfigDict
 
 from vrbench.errors import ConfigError
 from vrbench.plugin import PLUGIN_API, builtin, hookspecs
-from vrbench.plugin.manager import BUILTIN, NARROW, Plugins, check_options, pick
+from vrbench.plugin.manager import BUILTIN, NARROW, Plugins, check_options, families_of, pick
+from vrbench.plugin.testing import HeadsetModelConformance, NonconformityError
 
 HOOKS = [name for name in vars(hookspecs) if name.startswith("vrbench_")]
 SOUND = """
@@ -163,7 +165,10 @@ def hook(body: str, name: str = "vrbench_headsets", mark: str = "@hookimpl") -> 
 
 
 BAD = {
-    "raises at import": ("raise RuntimeError('no sdk')", "RuntimeError: no sdk .*pip install"),
+    "raises at import": (
+        "raise RuntimeError('no sdk')",
+        "RuntimeError: no sdk, at .*bad.py:1 .*pip install",
+    ),
     "lacks a library": ("import vendor_sdk", "ModuleNotFoundError: .*vendor_sdk"),
     "is no Python": ("def", "SyntaxError"),
     "hangs up": ("raise SystemExit(3)", "SystemExit: 3"),
@@ -183,17 +188,24 @@ BAD = {
         hook("return [HeadsetSpec('bad', 'Bad')]", "vrbench_robots"),
         "vrbench_robots offers a HeadsetSpec.*list of RobotSpec",
     ),
+    "of another API, as text": (f"PLUGIN_API = '{PLUGIN_API}'", "plugin API '1', .*has 1"),
+    "raises in a line": (
+        hook("return\n") + "\nraise RuntimeError('boom')",
+        r"RuntimeError: boom, at .*plugin_bad\.py:8 \(",
+    ),
+    "raises in a line of a hook": (hook("1 / 0"), r"division by zero, at .*plugin_bad\.py:5$"),
+    "forgets the mark": (hook("return []", mark=""), "vrbench_headsets lacks @hookimpl"),
     "takes a built-in name": (
-        hook("return [HeadsetSpec('bad', 'B'), HeadsetSpec('sim', 'B')]"),
-        "offers 'sim', and that name is taken",
+        hook("return [HeadsetSpec('sim', 'B')]"),
+        "offers 'sim', and that name is taken by builtin",
     ),
     "takes a name twice": (
         hook("return [HeadsetSpec('bad', 'B'), HeadsetSpec('bad', 'B')]"),
-        "offers 'bad', and that name is taken",
+        "offers 'bad' twice",
     ),
     "takes a neighbour's name": (
-        hook("return [HeadsetSpec('bad', 'B'), HeadsetSpec('good-1', 'B')]"),
-        "offers 'good-1', and that name is taken",
+        hook("return [HeadsetSpec('good-1', 'B')]"),
+        "offers 'good-1', and that name is taken by a-good",
     ),
 }
 
@@ -210,6 +222,38 @@ def test_a_plugin_that(how, install):
     assert re.search(reason, found["bad"])
     assert list(plugins.headsets) == ["sim", "good-1", "good-2"]
     assert list(plugins.robots) == ["sim"]
+
+
+def test_a_name_that_is_taken_leaves_its_plugins_other_names_alone(install):
+    install("a-lab", hook("return [HeadsetSpec('good-1', 'A')]"))
+    install("b-lab", hook("return [HeadsetSpec('good-1', 'B'), HeadsetSpec('good-2', 'B')]"))
+    plugins = Plugins()
+    assert {name: spec.title for name, spec in plugins.headsets.items() if name != "sim"} == {
+        "good-1": "A",
+        "good-2": "B",
+    }
+    assert "taken by a-lab" in broken(plugins)["b-lab"]
+    assert plugins.passed_by("headset", "good-1") == ("b-lab",)
+    assert plugins.passed_by("headset", "good-2") == ()
+
+
+def test_conformance_tells_of_its_plugins_other_hooks_and_of_rivals(install):
+    class Lab(HeadsetModelConformance):
+        name = "lab-1"
+
+    lab = hook("return [HeadsetSpec('lab-1', 'Lab')]")
+    install("a-lab", lab + hook("return None", "vrbench_mocap"))
+    with pytest.raises(NonconformityError, match="plugin a-lab: vrbench_mocap returns None"):
+        Lab().test_its_plugin_is_whole()
+
+    class Rival(HeadsetModelConformance):
+        name = "lab-2"
+
+    lab = hook("return [HeadsetSpec('lab-2', 'Lab')]")
+    install("b-lab", lab)
+    install("c-lab", lab)
+    with pytest.raises(NonconformityError, match="c-lab offers a headset called 'lab-2' too"):
+        Rival().test_its_plugin_is_whole()
 
 
 def test_a_broken_hook_leaves_its_plugins_other_hooks_alone(install):
@@ -288,6 +332,27 @@ def test_a_wrong_option_is_shown_by_its_line_and_column(tmp_path):
     rig.write_text("takes:\n  - case: a\n    robot: {format: x,\n      hots: 1}\n")
     with pytest.raises(ConfigError, match=r"lab\.yaml:4:7: takes\.0\.robot\.hots: "):
         check_options({"host": "h", "hots": 1}, Options, field="takes.0.robot", file=str(rig))
+
+
+def test_what_is_not_there_is_shown_by_its_line_and_column(tmp_path):
+    rig = tmp_path / "lab.yaml"
+    rig.write_text("lab: x\nrobot: {plugin: ur9, options: {}}\n")
+    with pytest.raises(
+        ConfigError, match=r"lab\.yaml:2:9: robot\.plugin: no robot is called 'ur9'"
+    ):
+        pick({}, "ur9", "robot", field="robot.plugin", file=str(rig))
+
+
+def test_a_suites_unknown_metric_is_shown_by_its_line_and_column(tmp_path, monkeypatch):
+    monkeypatch.setenv(NARROW, "")
+    file = tmp_path / "s.yaml"
+    file.write_text("suite: s\nmetrics:\n  - ape\n  - clok\nrank: {metric: ape.none}\n")
+    suite = SimpleNamespace(metrics=["ape", "clok"], rank=SimpleNamespace(metric="ape.none"))
+    with pytest.raises(ConfigError, match=r"s\.yaml:4:5: metrics\.1: no metric is called 'clok'"):
+        families_of(suite, Plugins(), str(file))
+    suite.metrics = ["ape"]
+    with pytest.raises(ConfigError, match=r"s\.yaml:5:8: rank\.metric: the suite ranks by"):
+        families_of(suite, Plugins(), str(file))
 
 
 def test_listing_imports_no_vendors_sdk_and_no_scipy():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -130,12 +131,19 @@ def test_the_made_modules_are_as_clean_as_the_house(made):
         ("metric", "ape", "metric ape is there already, in vrbench"),
         ("suite", "gameplay-replay", "suite gameplay-replay is there already"),
         ("robot", "sim", "robot sim is there already"),
+        ("headset", "builtin", "a plugin called builtin is installed already"),
     ],
 )
 def test_what_is_no_good_is_refused(tmp_path, kind, name, says):
     with pytest.raises(ConfigError, match=says):
         scaffold(kind, name, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_its_steps_can_be_pasted_whatever_its_folder_is_called():
+    steps_of = steps(Path("my plugins/vrbench-pico4"), "pico4")
+    assert shlex.split(steps_of[0])[-1] == "my plugins/vrbench-pico4"
+    assert shlex.split(steps_of[1])[2] == "my plugins/vrbench-pico4/sample/recordings.yaml"
 
 
 def test_a_folder_that_exists_is_left_alone(tmp_path):

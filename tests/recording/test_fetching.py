@@ -72,7 +72,7 @@ def test_all_files_come_to_the_folder_that_the_variable_names(server, tmp_path):
     told = []
     folder = fetch("tiny2000", lambda *what: told.append(what))
     assert folder == tmp_path / "tiny2000"
-    assert told == [("a/one.txt", "fetched"), ("two.bag", "fetched")]
+    assert told == [("a/one.txt", "is fetched"), ("two.bag", "is fetched")]
     for path, body in CONTENT.items():
         assert (folder / path).read_bytes() == body
     assert sorted(x.name for x in folder.rglob("*") if x.is_file()) == ["one.txt", "two.bag"]
@@ -142,7 +142,7 @@ def test_an_altered_file_is_fetched_anew_and_that_is_told(server, tmp_path):
     path.write_bytes(b"mine")
     told = []
     fetch("tiny2000", lambda *what: told.append(what))
-    assert ("two.bag", "altered: fetched anew") in told
+    assert ("two.bag", "altered: is fetched anew") in told
     assert path.read_bytes() == CONTENT["two.bag"]
 
 

@@ -122,11 +122,13 @@ def check(name: str, recordings: str | None, output: Path | None) -> None:
     A device is played by its stand-in, for a few seconds; nothing real moves. The newest report of
     each thing is kept, and runs copy those of their devices into their bundle.
     """
+    import os
     import sys
 
     from vrbench.cli._conformance import show_report
     from vrbench.plugin import report
     from vrbench.plugin.manager import Plugins
+    from vrbench.plugin.testing import patience
 
     plugins = Plugins()
     reports = []
@@ -136,4 +138,7 @@ def check(name: str, recordings: str | None, output: Path | None) -> None:
         report.keep(reports[-1])
     if output is not None:
         output.write_text(report.as_text(reports), encoding="utf-8")
+    if patience.hanging():  # nobody waits for the threads of a device that hangs
+        sys.stdout.flush()
+        os._exit(1)
     sys.exit(0 if all(each.passed for each in reports) else 1)

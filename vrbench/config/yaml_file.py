@@ -172,6 +172,15 @@ def line_of(root: yaml.Node | None, loc: Sequence[int | str]) -> str:
     return f":{mark.line + 1}:{mark.column + 1}"
 
 
+def located(file: str | Path, field: str) -> str:
+    """`file:line:column` of a field like `takes.0.case`; the file alone where it isn't YAML."""
+    path = Path(file)
+    if path.suffix not in (".yaml", ".yml") or not path.is_file():
+        return str(file)
+    loc = [int(part) if part.isdecimal() else part for part in field.split(".")]
+    return f"{file}{line_of(load_yaml(path)[1], loc)}"
+
+
 def _fields(loc: Sequence[int | str], model: type[BaseModel]) -> str | None:
     """For an unknown field, the fields there are."""
     owner: Any = model
@@ -180,8 +189,8 @@ def _fields(loc: Sequence[int | str], model: type[BaseModel]) -> str | None:
             info = owner.model_fields.get(part)
             owner = _model_in(info.annotation) if info else None
     if isinstance(owner, type) and issubclass(owner, BaseModel):
-        names = (info.alias or name for name, info in owner.model_fields.items())
-        return "fields are " + ", ".join(names)
+        names = [info.alias or name for name, info in owner.model_fields.items()]
+        return f"fields are {', '.join(names)}" if names else "it has none besides"
     return None
 
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pluggy
-from pluggy import HookImpl
 from pydantic import BaseModel
 
 from vrbench import __version__
-from vrbench.config.yaml_file import load_yaml, validate
+from vrbench.config.yaml_file import load_yaml, located, validate
 from vrbench.errors import ConfigError
 from vrbench.plugin import builtin, hookspecs
+from vrbench.plugin.offers import Spec, offered_by_hook, place_of, told, unmarked
 
 if TYPE_CHECKING:
     from vrbench.config.suite import Suite
@@ -40,12 +40,6 @@ KINDS = {
 }
 
 
-class _Named(Protocol):
-    @property
-    def name(self) -> str: ...
-
-
-Spec = TypeVar("Spec", bound=_Named)
 Options = TypeVar("Options", bound=BaseModel)
 
 
@@ -82,6 +76,7 @@ class Plugins:
         # where in _infos each loaded plugin stands: two may bear one name, but one is loaded
         self._loaded = {BUILTIN: 0}
         self._offers: dict[tuple[str, str], str] = {}
+        self._passed_by: dict[tuple[str, str], list[str]] = {}
         wanted = os.environ.get(NARROW)
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
             if wanted is None or entry.name in wanted.split(","):
@@ -105,7 +100,7 @@ class Plugins:
             wanted = getattr(module, "PLUGIN_API", hookspecs.PLUGIN_API)
             if wanted != hookspecs.PLUGIN_API:
                 broken = (
-                    f"is made for plugin API {wanted}, this vrbench has {hookspecs.PLUGIN_API}: "
+                    f"is made for plugin API {wanted!r}, this vrbench has {hookspecs.PLUGIN_API}: "
                     "install versions that match"
                 )
             elif self._manager.has_plugin(entry.name):
@@ -113,12 +108,16 @@ class Plugins:
             else:
                 self._register(module, entry.name)
                 self._loaded[entry.name] = len(self._infos)
+                broken = unmarked(module)
         except KeyboardInterrupt:  # Ctrl-C, as far as anyone can tell
             raise
         except pluggy.PluginValidationError as error:
             broken = " ".join(str(error).split())
         except BaseException as error:  # a plugin may raise anything
-            broken = f"{type(error).__name__}: {error} (pip install --force-reinstall {name})"
+            broken = (
+                f"{type(error).__name__}: {error}{place_of(error)}"
+                f" (mend it, or: pip install --force-reinstall {name})"
+            )
         return PluginInfo(entry.name, version, name, broken)
 
     def _register(self, module: Any, name: str) -> None:
@@ -131,21 +130,33 @@ class Plugins:
             raise
 
     def _named(self, hook: str, kind: type[Spec]) -> dict[str, Spec]:
-        """What one hook of all plugins returns, by name; the first plugin to take a name has it."""
+        """What one hook of all plugins returns, by name.
+
+        The first plugin to take a name has it; the other's is passed by, and nothing else of it.
+        """
         found: dict[str, Spec] = {}
         for impl in getattr(self._manager.hook, hook).get_hookimpls():
             try:
-                offered = _offered(impl, kind, found)
+                offered = offered_by_hook(impl, kind)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a plugin may raise anything
                 if impl.plugin is builtin:
                     raise
-                self._blame(impl.plugin_name, f"{hook} {_told(error)}")
+                self._blame(impl.plugin_name, f"{hook} {told(error)}")
                 continue
-            found |= offered
-            attribute = hook.removeprefix("vrbench_")
-            self._offers |= {(attribute, name): impl.plugin_name for name in offered}
+            for name, thing in offered.items():
+                place = hook.removeprefix("vrbench_"), name
+                if name not in found:
+                    found[name] = thing
+                    self._offers[place] = impl.plugin_name
+                    continue
+                self._passed_by.setdefault(place, []).append(impl.plugin_name)
+                self._blame(
+                    impl.plugin_name,
+                    f"{hook} offers {name!r}, and that name is taken by {self._offers[place]}: "
+                    "rename it, or uninstall one",
+                )
         return found
 
     def _blame(self, name: str, reason: str) -> None:
@@ -202,46 +213,15 @@ class Plugins:
         self.things(kind)
         return self._infos[self._loaded[self._offers[KINDS[kind], name]]]
 
+    def passed_by(self, kind: str, name: str) -> Sequence[str]:
+        """Plugins that offer something of this kind and name too, and came too late."""
+        self.things(kind)
+        return tuple(self._passed_by.get((KINDS[kind], name), ()))
+
     def versions(self) -> dict[str, str]:
         """Versions of the loaded plugins' distributions."""
         infos = (self._infos[index] for index in self._loaded.values())
         return {info.distribution: info.version for info in infos}
-
-
-class _UnfitError(Exception):
-    """What a hook returned can't be used."""
-
-
-def _offered(impl: HookImpl, kind: type[Spec], taken: Mapping[str, Spec]) -> dict[str, Spec]:
-    """What one plugin's hook returns, by name: all of it, or an error."""
-    returned: object = impl.function()
-    if isinstance(returned, str) or not isinstance(returned, Iterable):
-        raise _UnfitError(f"returns {_kind(returned)}: it must return a list of {kind.__name__}")
-    offered: dict[str, Spec] = {}
-    for thing in returned:
-        if not isinstance(thing, kind):
-            raise _UnfitError(f"offers {_kind(thing)}: it must return a list of {kind.__name__}")
-        if isinstance(thing, Path) and not thing.is_file():
-            raise _UnfitError(f"offers {thing}, which is no file")
-        key = thing.stem if isinstance(thing, Path) else thing.name
-        if not isinstance(key, str) or not isinstance(getattr(thing, "title", ""), str):
-            raise _UnfitError(f"offers {key!r}: names and titles are text")
-        if key in taken or key in offered:
-            raise _UnfitError(
-                f"offers {key!r}, and that name is taken: rename it, or uninstall one"
-            )
-        offered[key] = thing
-    return offered
-
-
-def _kind(thing: object) -> str:
-    return "None" if thing is None else f"a {type(thing).__name__}"
-
-
-def _told(error: BaseException) -> str:
-    return (
-        str(error) if isinstance(error, _UnfitError) else f"raises {type(error).__name__}: {error}"
-    )
 
 
 def pick(things: Mapping[str, Spec], name: str, what: str, *, field: str, file: str | None) -> Spec:
@@ -254,7 +234,7 @@ def pick(things: Mapping[str, Spec], name: str, what: str, *, field: str, file: 
         known = ", ".join(sorted(things)) or "none"
         raise ConfigError(
             f"no {what} is called {name!r}",
-            file=file,
+            file=None if file is None else located(file, field),
             field=field,
             fix=f"there are {known}; `vrbench plugin list` tells of broken plugins",
         )
@@ -294,13 +274,14 @@ def families_of(suite: Suite, plugins: Plugins, file: str | None) -> list[Family
         ConfigError: there is no such family, or none of them has the metric it ranks by.
     """
     families = [
-        pick(plugins.metrics, name, "metric", field="metrics", file=file) for name in suite.metrics
+        pick(plugins.metrics, name, "metric", field=f"metrics.{index}", file=file)
+        for index, name in enumerate(suite.metrics)
     ]
     metrics = {metric for family in families for metric in family.units}
     if suite.rank.metric not in metrics:
         raise ConfigError(
             f"the suite ranks by {suite.rank.metric!r}, which none of its metrics gives",
-            file=file,
+            file=None if file is None else located(file, "rank.metric"),
             field="rank.metric",
             fix=f"they give {', '.join(sorted(metrics))}",
         )

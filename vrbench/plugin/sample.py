@@ -6,7 +6,7 @@ tried on before the first real log is at hand.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +75,43 @@ def write_sample(kind: str, name: str, folder: Path, suite: str) -> None:
     }
     text = yaml.safe_dump(content, sort_keys=False)
     (folder / "recordings.yaml").write_text(f"# Simulated: see README.\n{text}", encoding="utf-8")
+
+
+def write_calibration(
+    folder: Path, stream: str, source: Mapping[str, object], write: Callable[[Samples, Path], None]
+) -> Path:
+    """A recordings file with one simulated calibration, for the tests of an importer.
+
+    Args:
+        folder: to be filled; it exists.
+        stream: that the importer's files hold: `headset`, `robot` or `mocap`.
+        source: its entry in the recordings file, `format` and options; `path` is added.
+        write: writes samples as the vendor would, to a file.
+
+    Returns:
+        the recordings file; the headset beside a reference, or the robot beside a headset, is TUM.
+    """
+    case, repeat = TAKES[0]
+    streams = _take(f"{case}-{repeat}")
+    other = "robot" if stream == "headset" else "headset"
+    write(streams[stream], folder / f"{stream}.log")
+    write_tum(streams[other].trajectory(), folder / f"{other}.tum")
+    content = {
+        "suite": "gameplay-replay",
+        "lab": "simulated",
+        "device": {"headset": "sim", "logger": "simulated"},
+        "takes": [
+            {
+                "case": case,
+                "motion": MOTION,
+                stream: {**source, "path": f"{stream}.log"},
+                other: {"format": "tum", "path": f"{other}.tum"},
+            }
+        ],
+    }
+    path = folder / "recordings.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return path
 
 
 def _take(name: str) -> dict[str, Samples]:

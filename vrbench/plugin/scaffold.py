@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -48,6 +49,8 @@ def scaffold(kind: str, name: str, parent: Path) -> Path:
             f"{' '.join(taken)} is there already, in {plugins.offered_by(*taken).distribution}",
             fix="another name",
         )
+    if name in {info.name for info in plugins.infos}:
+        raise ConfigError(f"a plugin called {name} is installed already", fix="another name")
     folder = parent / f"vrbench-{name}"
     if folder.exists():
         raise ConfigError("exists already", file=folder, fix="another name, or -o FOLDER")
@@ -97,8 +100,8 @@ def _filled(template: Path, words: dict[str, str]) -> str:
 def steps(folder: Path, name: str) -> list[str]:
     """The commands that lead from a new plugin to a row on a leaderboard."""
     return [
-        f"{Path(sys.executable).name} -m pip install --editable {folder}",
-        f"vrbench import {folder / 'sample' / 'recordings.yaml'} -o {name}-run",
+        f"{Path(sys.executable).name} -m pip install --editable {shlex.quote(str(folder))}",
+        f"vrbench import {shlex.quote(str(folder / 'sample/recordings.yaml'))} -o {name}-run",
         f"vrbench evaluate {name}-run",
         f"vrbench leaderboard {name}-run",
     ]

@@ -30,6 +30,7 @@ def imported_poses(
     *,
     file: Path,
     receive_t: Ints | None = None,
+    epoch: Ints | None = None,
     row: str = "pose",
     repairs: tuple[str, ...] = (),
 ) -> Imported:
@@ -41,6 +42,7 @@ def imported_poses(
         q: quaternions (n, 4), xyzw, of unit length; their signs are made continuous.
         file: named in errors.
         receive_t: when each pose arrived (n,) [ns], where the file says so.
+        epoch: world frame of each pose (n,), one more at every recentre; one for all where None.
         row: what one of them is called in messages: `line`, `message`; counted from 1.
         repairs: sentences on what the importer itself has mended.
 
@@ -51,30 +53,33 @@ def imported_poses(
     if len(t) == 0:
         raise DataError("holds no poses", file=file)
     pose = checked_poses(p, q, file=file, row=row)
+    kept = np.arange(len(t))
     again = _told_again(t, p, q)
     if again.any():
         n = int(again.sum())
         many = f"{n} {row}s" if n > 1 else f"{n} {row}"
         repairs = (*repairs, f"{many} dropped, the same as the one before, stamp and pose")
-        t, pose = t[~again], pose[~again]
-        receive_t = None if receive_t is None else receive_t[~again]
-    keep = increasing(t, file=file, row=row)
-    if len(keep) < len(t):
-        n, t, pose = len(t), t[keep], pose[keep]
-        receive_t = None if receive_t is None else receive_t[keep]
-        repairs = (*repairs, _dropped(np.setdiff1d(np.arange(n), keep), row))
-    together = _together(t, file=file, row=row)
-    if together != slice(0, len(t)):
-        gone = len(t) - len(t[together])
+        kept = kept[~again]
+    keep = increasing(t[kept], file=file, row=row)
+    if len(keep) < len(kept):
+        repairs = (*repairs, _dropped(np.setdiff1d(np.arange(len(kept)), keep), row))
+        kept = kept[keep]
+    together = _together(t[kept], file=file, row=row)
+    if together != slice(0, len(kept)):
+        gone = len(kept) - len(kept[together])
         repairs = (*repairs, f"{gone} at an end dropped, over an hour away from all others")
-        t, pose = t[together], pose[together]
-        receive_t = None if receive_t is None else receive_t[together]
-    pose = Transform(pose.p, continuous_signs(pose.q))
-    return Imported(Samples.of(t, pose, receive_t=receive_t), repairs)
+        kept = kept[together]
+    pose = Transform(pose.p[kept], continuous_signs(pose.q[kept]))
+    samples = Samples.of(t[kept], pose, receive_t=None if receive_t is None else receive_t[kept])
+    if epoch is not None:
+        samples = replace(samples, epoch=epoch[kept].astype(np.uint32))
+    return Imported(samples, repairs)
 
 
 def with_invalid(imported: Imported, t: Ints) -> Imported:
     """The same with an invalid sample at each of the times t (n,) [ns], where a body was lost.
+
+    It is of the epoch of the pose before it.
 
     A file of motion capture has a row for each frame, whether the body was seen or not; what it
     says of the others is worth keeping.
@@ -82,7 +87,11 @@ def with_invalid(imported: Imported, t: Ints) -> Imported:
     if not len(t):
         return imported
     nothing = Transform(np.zeros((len(t), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
-    both = Samples.concatenate([imported.samples, Samples.of(t, nothing, flags=0)])
+    lost = Samples.of(t, nothing, flags=0)
+    there = imported.samples
+    before = np.clip(np.searchsorted(there.pose_t, t, side="right") - 1, 0, None)
+    lost = replace(lost, epoch=there.epoch[before])
+    both = Samples.concatenate([there, lost])
     order = np.argsort(both.pose_t, kind="stable")
     return replace(imported, samples=both[order])
 

@@ -34,7 +34,8 @@ def fetch(name: str, tell: Tell) -> Path:
         if file.state is State.PRESENT:
             tell(file.path, "there")
             continue
-        tell(file.path, "fetched" if file.state is State.MISSING else "altered: fetched anew")
+        missing = file.state is State.MISSING
+        tell(file.path, "is fetched" if missing else "altered: is fetched anew")
         _fetch(dataset, folder, file.path)
     return folder
 

@@ -1,5 +1,6 @@
 """What only a process of its own can show: SDKs that are loaded too soon, devices that hang."""
 
+import os
 import textwrap
 
 import pytest
@@ -63,6 +64,23 @@ def test_an_sdk_that_registering_imports_is_named(installed):
     installed(top="import vendor_sdk")
     with pytest.raises(NonconformityError, match=r"imports vendor-sdk.*inside the function"):
         check_registration("pico4")
+
+
+@pytest.mark.parametrize("bare", ["a module", "a package"])
+def test_so_is_one_without_metadata(installed, tmp_path, monkeypatch, bare):
+    installed(top="import bare_sdk")
+    folder = tmp_path / "copied"
+    (folder / "bare_sdk").mkdir(parents=True)
+    (folder / ("bare_sdk.py" if bare == "a module" else "bare_sdk/__init__.py")).touch()
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{folder}")
+    with pytest.raises(NonconformityError, match="imports bare_sdk"):
+        check_registration("pico4")
+
+
+def test_a_second_module_of_its_own_is_not(installed, tmp_path):
+    installed(top="import pico4_poses")
+    (tmp_path / "pico4_poses.py").touch()
+    check_registration("pico4")
 
 
 def test_one_that_is_imported_where_the_device_is_opened_is_no_trouble(installed):

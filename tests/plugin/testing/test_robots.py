@@ -61,6 +61,9 @@ def failed(found):
         def test_registering_imports_no_vendor_sdk(self):
             pass
 
+        def test_its_plugin_is_whole(self):
+            pass
+
     return {x.check: x for x in Robot.run() if x.status != "passed"}
 
 

@@ -1,5 +1,8 @@
 """What a bad device does is told, each fault by its own check."""
 
+import contextlib
+import re
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
 from vrbench.devices.rehearsal import Rehearsal
 from vrbench.geometry import UNITY, Axes, Transform
-from vrbench.plugin.testing import HeadsetConformance, MocapConformance
+from vrbench.plugin.testing import HeadsetConformance, MocapConformance, opening, patience
 from vrbench.plugin.testing.offered import check_options
 from vrbench.plugin.testing.opening import Recorded
 from vrbench.plugin.testing.verdicts import NonconformityError, NotCheckedError
@@ -40,7 +43,10 @@ def rehearsed(*, recentres=True, followed=False, seconds=3.3):
         flags=np.where(rehearsal.tracked(t), GOOD, 0).astype(np.uint32),
         epoch=rehearsal.epoch(t).astype(np.uint32),
     )
-    return Recorded(rehearsal, "headset/eye", samples, [Columns({})], {}, None)
+    ended = BEGAN + 700_000_000 + round(seconds * 1e9)
+    return Recorded(
+        rehearsal, "headset/eye", samples, [Columns({})], {}, None, ended, seconds, read_s=0.0
+    )
 
 
 def checked(samples_of=lambda x: x, **more):
@@ -63,6 +69,9 @@ def checked(samples_of=lambda x: x, **more):
             pass
 
         def test_registering_imports_no_vendor_sdk(self):
+            pass
+
+        def test_its_plugin_is_whole(self):
             pass
 
     return {outcome.check: outcome for outcome in Spoilt.run()}
@@ -92,6 +101,7 @@ TWISTED = {
     "unity's axes": (by(UNITY), "left-handed with y up and z forward"),
     "z up": (by(Axes("z", "y")), "right-handed with z up and y forward"),
     "millimetres": (by(Axes("y", "-z", unit_m=0.001)), "positions are as they should be, in mm"),
+    "metres for decimetres": (by(Axes("y", "-z", unit_m=10.0)), "be, 10 times too small"),
     "mirrored positions, rotations as they are": (
         lambda s: Transform(s.pose.p * [1, 1, -1], s.pose.q),
         "positions are left-handed .*rotations are as they should be",
@@ -113,8 +123,6 @@ def test_a_known_twist_names_what_is_wrong_with(how):
     outcomes = checked(spoil(pose=pose))
     assert "known_twist" in failed(outcomes)
     outcome = outcomes["known_twist"]
-    import re
-
     assert re.search(says, outcome.what), outcome.what
     assert "to_openxr" in outcome.fix
 
@@ -145,8 +153,23 @@ FAULTS = {
     ),
     "no pose good": (
         spoil(flags=lambda s: np.zeros(len(s), dtype=np.uint32)),
-        {"known_twist", "loss_is_told", "recentre_begins_an_epoch"},
-        "only 0 good poses",
+        {"known_twist"},
+        "most lack the flags orientation valid, position valid",
+    ),
+    "quaternions that `believed` took for none": (
+        spoil(flags=lambda s: s.flags & ~np.uint32(1 | 4)),
+        {"known_twist"},
+        "most lack the flags orientation valid, orientation tracked",
+    ),
+    "microseconds for nanoseconds": (
+        spoil(source_t=lambda s: s.source_t // 1000, pose_t=lambda s: s.pose_t // 1000),
+        {"stamps_are_times"},
+        "microseconds were taken for nanoseconds",
+    ),
+    "arrivals of no clock": (
+        spoil(receive_t=lambda s: np.zeros(len(s), dtype=np.int64)),
+        {"stamps_are_times"},
+        "session.host.now()",
     ),
     "one epoch for all": (
         spoil(epoch=lambda s: np.zeros(len(s), dtype=np.uint32)),
@@ -176,6 +199,68 @@ def test_a_device_with(how):
     first = outcomes[sorted(checks)[0]]
     assert says in f"{first.what} {first.fix}"
     assert all(outcomes[name].fix for name in failed(outcomes))
+
+
+def test_reading_that_waits_is_told():
+    outcomes = checked(read_s=0.5)
+    assert failed(outcomes) == {"reading_returns_at_once"}
+    assert "read() takes 500 ms" in outcomes["reading_returns_at_once"].what
+
+
+def test_what_builds_on_a_failed_check_is_not_checked_and_says_so():
+    outcomes = checked(spoil(pose=by(UNITY)))
+    assert failed(outcomes) == {"known_twist"}
+    assert outcomes["loss_is_told"].status == "not checked"
+    assert "isn't the one that was shown" in outcomes["loss_is_told"].what
+
+
+class Stuck:
+    """A device that hangs where it is told to, until the test is over."""
+
+    def __init__(self, where, over):
+        self.where, self.over = where, over
+
+    def at(self, where):
+        if where == self.where:
+            self.over.wait(30.0)
+
+    def __enter__(self):
+        self.at("opening")
+        return self
+
+    def __exit__(self, *_):
+        self.at("closing")
+
+    def start(self, take):
+        self.at("start()")
+
+    def read(self):
+        self.at("read()")
+        return Columns({})
+
+    def stop(self):
+        self.at("stop()")
+
+
+@pytest.mark.parametrize("where", ["opening", "start()", "read()", "stop()", "closing"])
+def test_a_device_that_hangs_is_told_with_the_line(monkeypatch, where):
+    monkeypatch.setattr(opening, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(opening, "RECORD_S", 0.1)
+    over = threading.Event()
+    spec = replace(
+        SPEC,
+        open=lambda *_: Stuck(where, over),
+        stand_in=lambda _: contextlib.nullcontext({}),
+    )
+    tried = type("Hangs", (HeadsetConformance,), {"name": "pico4", "thing": lambda: spec})
+    try:
+        with pytest.raises(NonconformityError, match=f"^{re.escape(where)} hangs at .*test_sour"):
+            tried().test_poses_arrive()
+        assert patience.hanging()
+        with pytest.raises(NotCheckedError, match="nothing was recorded"):
+            tried().test_known_twist()
+    finally:
+        over.set()
 
 
 def test_closing_that_raises_is_told():

@@ -9,13 +9,13 @@
 """
 
 from vrbench.plugin.testing.files import ImporterConformance
-from vrbench.plugin.testing.metrics import MetricConformance
-from vrbench.plugin.testing.robots import RobotConformance
-from vrbench.plugin.testing.sources import (
+from vrbench.plugin.testing.headsets import (
     HeadsetConformance,
     HeadsetModelConformance,
     MocapConformance,
 )
+from vrbench.plugin.testing.metrics import MetricConformance
+from vrbench.plugin.testing.robots import RobotConformance
 from vrbench.plugin.testing.suites import SuiteConformance
 from vrbench.plugin.testing.verdicts import NonconformityError, NotCheckedError
 

@@ -6,10 +6,13 @@ import importlib.metadata
 import json
 import os
 import re
+import site
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Iterator, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from vrbench.errors import VrbenchError
@@ -99,17 +102,37 @@ def _imports(plugin: str) -> dict[str, Any]:
     known = set(sys.modules)
     os.environ[NARROW] = plugin
     found = [info for info in _all_of(Plugins()) if info.name == plugin]
-    own = {e.module.partition(".")[0] for e in importlib.metadata.entry_points(group=GROUP)}
-    dists = importlib.metadata.packages_distributions()
+    modules = {e.module for e in importlib.metadata.entry_points(group=GROUP)}
+    own = {"vrbench", *(module.partition(".")[0] for module in modules)}
     allowed = set(_needed_by("vrbench")) | {_key(info.distribution) for info in found}
+    dists = importlib.metadata.packages_distributions()
     tops = {name.partition(".")[0] for name in set(sys.modules) - known}
-    foreign = {
-        dist
-        for top in tops - own - set(sys.stdlib_module_names)
-        for dist in dists.get(top, ())
-        if _key(dist) not in allowed
-    }
+    foreign = set[str]()
+    for top in tops - own - set(sys.stdlib_module_names):
+        if top in dists:
+            foreign |= {dist for dist in dists[top] if _key(dist) not in allowed}
+        elif not top.startswith("_") and not _beside(top, own):
+            foreign.add(top)
     return {"loaded": sorted(foreign)}
+
+
+def _beside(top: str, own: set[str]) -> bool:
+    """Whether a module of no distribution is the plugin's own: in its folder, or in none at all.
+
+    Libraries without metadata are copied into site-packages, or lie on PYTHONPATH.
+    """
+    folder = _folder(top)
+    shared = {Path(path) for path in (*site.getsitepackages(), sysconfig.get_path("purelib"))}
+    return folder is None or (folder not in shared and folder in {_folder(name) for name in own})
+
+
+def _folder(top: str) -> Path | None:
+    """The folder that a module or package lies in; None for what has no file."""
+    file = getattr(sys.modules.get(top), "__file__", None)
+    if file is None:
+        return None
+    path = Path(file)
+    return path.parent.parent if path.stem == "__init__" else path.parent
 
 
 def _all_of(plugins: Plugins) -> Any:

@@ -11,12 +11,16 @@ from typing import Any, ClassVar
 import numpy as np
 
 from vrbench.config.recordings import RecordedTake, Recordings, load_recordings
+from vrbench.config.rig import SIMULATED
 from vrbench.config.shipped import find_file
 from vrbench.errors import EstimationError, VrbenchError
 from vrbench.geometry import quat_rotate
 from vrbench.plugin.manager import check_options, pick
+from vrbench.plugin.testing.logs import mistake
 from vrbench.plugin.testing.offered import WithOptions
-from vrbench.plugin.testing.verdicts import NonconformityError, NotCheckedError, require
+from vrbench.plugin.testing.opening import median_rate
+from vrbench.plugin.testing.sources import RATE_TOLERANCE
+from vrbench.plugin.testing.verdicts import NonconformityError, NotCheckedError, given, require
 from vrbench.protocols import vrbench_1
 from vrbench.recording import datasets
 from vrbench.recording.importer import Imported
@@ -27,6 +31,10 @@ STREAMS = {"headset": "headset/eye", "robot": "robot/tcp", "mocap": "mocap/body"
 UP = {"robot": (0.0, 0.0, 1.0), "mocap": (0.0, 1.0, 0.0)}
 # A headset is off by a few mm; half a unit or a mirrored axis by much more.
 MOST_M, MOST_RAD, MOST_TILT_RAD = 0.03, np.radians(3.0), np.radians(15.0)
+FIX = (
+    "Convert what is read: vrbench.geometry.Axes(up, forward, handedness, unit_m).to_openxr(pose) "
+    "for a headset; stamps are in ns, quaternions x y z w."
+)
 JUNK = {
     "an empty file": b"",
     "binary junk": bytes(range(256)) * 8,
@@ -110,6 +118,35 @@ class ImporterConformance(WithOptions):
         )
         return Sample(stream, file, options, imported, take)
 
+    @classmethod
+    def there(cls) -> list[Sample]:
+        """The same, for checks of what was read: where nothing can be, another check tells."""
+        return given(cls.samples, "the samples can't be read")
+
+    def test_samples_are_read(self) -> None:
+        """Every file of the format that the recordings list is read."""
+        self.samples()
+
+    def test_the_rate_is_the_models(self) -> None:
+        """A headset's log has the rate that its model declares, where that is installed."""
+        logs = [sample for sample in self.there() if sample.stream == "headset"]
+        declared = self._declared()
+        if declared is None:
+            return
+        for sample in logs:
+            measured = median_rate(sample.imported.samples)
+            require(
+                abs(measured / declared - 1.0) < RATE_TOLERANCE,
+                f"{sample.path.name} holds {measured:.4g} poses a second, {declared:g} declared",
+                "Say in the model's profile what it does: rate_hz; or mend the stamps' unit.",
+            )
+
+    def _declared(self) -> float | None:
+        recordings = load_recordings(find_file("recordings", str(self.recordings)))
+        spec = self.plugins().things("headset").get(recordings.device.headset)
+        profile = None if spec is None or spec.name == SIMULATED else spec.profile
+        return None if profile is None else float(profile.rate_hz)
+
     def test_what_is_no_such_file_is_refused(self) -> None:
         """What isn't of the format is refused in one sentence, a file that isn't there too."""
         importer = self.thing()
@@ -145,7 +182,7 @@ class ImporterConformance(WithOptions):
 
         What is left may lack digits, so the last pose is let be.
         """
-        sample = self.samples()[0]
+        sample = self.there()[0]
         content = sample.path.read_bytes()
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / sample.path.name
@@ -170,7 +207,7 @@ class ImporterConformance(WithOptions):
 
     def test_stamps_go_forward(self) -> None:
         """Stamps increase, in int64 nanoseconds."""
-        for sample in self.samples():
+        for sample in self.there():
             t = sample.imported.samples.pose_t
             require(
                 t.dtype == np.int64 and np.all(np.diff(t) > 0),
@@ -180,7 +217,7 @@ class ImporterConformance(WithOptions):
 
     def test_quaternions_are_of_unit_length(self) -> None:
         """Every pose is finite and every quaternion of unit length."""
-        for sample in self.samples():
+        for sample in self.there():
             pose = sample.imported.samples.pose
             off = np.abs(np.linalg.norm(pose.q, axis=1) - 1.0)
             require(
@@ -191,7 +228,7 @@ class ImporterConformance(WithOptions):
 
     def test_known_twist(self) -> None:
         """Beside the reference that moved it, a calibration proves handedness, axes and unit."""
-        calibrations = [x for x in self.samples() if x.take.case.startswith("calib")]
+        calibrations = [x for x in self.there() if x.take.case.startswith("calib")]
         if not calibrations:
             raise NotCheckedError(
                 "the recordings hold no calibration of this format", "add a case calibrate"
@@ -213,27 +250,41 @@ class ImporterConformance(WithOptions):
             STREAMS[name]: self._read(name, sample.take, recordings, path).imported.samples
             for name in wanted
         }
-        fix = (
-            "Convert what is read: vrbench.geometry.Axes(up, forward, handedness, unit_m)"
-            ".to_openxr(pose) for a headset; quaternions are x y z w."
-        )
+        tested = STREAMS[sample.stream]
+        (beside,) = set(poses) - {tested}
+
+        def fits(samples: Samples) -> bool:
+            try:
+                found = vrbench_1.calibrate(Columns(poses | {tested: samples}), reference, "")
+            except EstimationError:
+                return False
+            return _near(found)
+
         try:
             found = vrbench_1.calibrate(Columns(poses), reference, sample.path.name)
         except EstimationError as error:
+            why = mistake(poses[tested], poses[beside], fits) or str(error)
             raise NonconformityError(
-                f"{sample.path.name} doesn't fit the {reference} beside it: {error}", fix
+                f"{sample.path.name} doesn't fit the {reference} beside it: {why}", FIX
             ) from None
-        require(
-            found.translation_residual_m < MOST_M and found.rotation_residual_rad < MOST_RAD,
-            f"{sample.path.name} differs from the {reference} beside it by "
-            f"{found.translation_residual_m * 1e3:.0f} mm, "
-            f"{np.degrees(found.rotation_residual_rad):.1f} deg",
-            fix,
-        )
+        if not _near(found):
+            unit = mistake(poses[tested], poses[beside], fits)
+            raise NonconformityError(
+                f"{sample.path.name} differs from the {reference} beside it by "
+                f"{found.translation_residual_m * 1e3:.0f} mm, "
+                f"{np.degrees(found.rotation_residual_rad):.1f} deg"
+                + (f": {unit}" if unit else ""),
+                FIX,
+            )
         up = quat_rotate(found.y.q, np.array([0.0, 1.0, 0.0]))
         tilt = float(np.arccos(np.clip(np.dot(up, UP[reference]), -1.0, 1.0)))
         require(
             tilt < MOST_TILT_RAD,
             f"the headset's y axis is {np.degrees(tilt):.0f} deg off the {reference}'s up",
-            f"A headset's y is up; a robot's base has z up, motion capture y. {fix}",
+            f"A headset's y is up; a robot's base has z up, motion capture y. {FIX}",
         )
+
+
+def _near(found: Any) -> bool:
+    """Whether a calibration leaves over as little as a headset errs."""
+    return bool(found.translation_residual_m < MOST_M and found.rotation_residual_rad < MOST_RAD)

@@ -37,6 +37,22 @@ class Offered(Conformance):
             "Say in `title` what it is, for people.",
         )
 
+    def test_its_plugin_is_whole(self) -> None:
+        """Every hook of its plugin gives what it should, and nobody else offers this name."""
+        self.thing()
+        info = self.plugins().offered_by(self.kind, self.name)
+        require(
+            not info.broken,
+            f"plugin {info.name}: {info.broken}",
+            "Mend that hook; docs/plugins.md says what each returns.",
+        )
+        others = ", ".join(self.plugins().passed_by(self.kind, self.name))
+        require(
+            not others,
+            f"{others} offers a {self.kind} called {self.name!r} too",
+            "Take another name: which of the two is used is a matter of the alphabet.",
+        )
+
     def test_registering_imports_no_vendor_sdk(self) -> None:
         """Listing plugins loads none of the libraries that only this plugin needs."""
         self.thing()

@@ -13,12 +13,15 @@ from vrbench.config.rig import Mounting
 from vrbench.devices.host import RealClock
 from vrbench.devices.ports import HeadsetProfile, PoseSource, Session
 from vrbench.devices.rehearsal import Rehearsal
+from vrbench.plugin.testing.patience import Tell, limited
 from vrbench.plugin.testing.verdicts import NonconformityError, require
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS
 
 # A rehearsal is lost and recentred at least once in as long.
 RECORD_S, LOOK_S, LAST_S = 3.3, 0.05, 1.0
+# A device that takes longer to open, send and close hangs.
+PATIENCE_S = 60.0
 # Where neither profile nor plugin says it.
 RATE_HZ = 72.0
 
@@ -52,6 +55,9 @@ class Recorded:
         parts: every answer of `read`.
         options: that the stand-in gave.
         closed_again: what a second closing raised; None where it passed.
+        ended: when the take ended, on the recorder's clock [ns].
+        lasted_s: from its start [s].
+        read_s: how long a call of `read` took, median [s].
     """
 
     rehearsal: Rehearsal
@@ -60,6 +66,9 @@ class Recorded:
     parts: list[Columns]
     options: dict[str, Any]
     closed_again: Exception | None
+    ended: int
+    lasted_s: float
+    read_s: float
 
     @property
     def followed(self) -> bool:
@@ -72,6 +81,8 @@ def record(
 ) -> Recorded:
     """Records a rehearsal.
 
+    A device that hangs is given up.
+
     Args:
         kind: `headset` or `mocap`.
         spec: of the device.
@@ -80,8 +91,22 @@ def record(
         rate_hz: that the stand-in sends at; the declared rate where None.
 
     Raises:
-        NonconformityError: no poses come, or something that is no `Columns`.
+        NonconformityError: no poses come, or something that is no `Columns`; or it hangs.
     """
+    return limited(lambda tell: _record(kind, spec, stand_in, stream, rate_hz, tell), PATIENCE_S)
+
+
+def options_of(spec: Any, stand_in: Any, rate_hz: float | None = None) -> dict[str, Any]:
+    """The options with which the stand-in is found, where it plays nothing for long."""
+    clock = RealClock()
+    rehearsal = Rehearsal(clock.now, clock.now(), rate_hz or _rate(spec))
+    with stand_in(rehearsal) as chosen:
+        return dict(chosen)
+
+
+def _record(
+    kind: str, spec: Any, stand_in: Any, stream: str, rate_hz: float | None, tell: Tell
+) -> Recorded:
     clock = RealClock()
     within = session(clock)
     rate_hz = rate_hz or _rate(spec)
@@ -90,10 +115,14 @@ def record(
         options = spec.options.model_validate(dict(chosen))
         source = opened(kind, spec, options, within)
         with source as device:
-            parts = _take(device)
+            parts, lasted_s, read_s = _take(device, tell)
+            ended = clock.now()
+            tell("closing")
+        tell("closing again")
         again = _closed_again(source)
+        tell("the stand-in's end")
     name, samples = _stream(parts, stream)
-    return Recorded(rehearsal, name, samples, parts, dict(chosen), again)
+    return Recorded(rehearsal, name, samples, parts, dict(chosen), again, ended, lasted_s, read_s)
 
 
 def _rate(spec: Any) -> float:
@@ -101,14 +130,22 @@ def _rate(spec: Any) -> float:
     return float(profile.rate_hz if profile else getattr(spec, "rate_hz", RATE_HZ))
 
 
-def _take(device: PoseSource) -> list[Columns]:
-    """All that a take of a few seconds holds."""
+def _take(device: PoseSource, tell: Tell) -> tuple[list[Columns], float, float]:
+    """All that a take of a few seconds holds, how long it and a `read` took [s]."""
+    tell("start()")
     device.start("conformance")
-    parts, end = [], time.monotonic() + RECORD_S
+    tell("read()")
+    started = time.monotonic()
+    parts, took, end = [], [], started + RECORD_S
     while time.monotonic() < end:
         time.sleep(LOOK_S)
+        begun = time.perf_counter()
         parts.append(device.read())
+        took.append(time.perf_counter() - begun)
+    tell("stop()")
     device.stop()
+    lasted_s = time.monotonic() - started
+    tell("read()")
     quiet, end = 0, time.monotonic() + LAST_S
     while quiet < 3 and time.monotonic() < end:
         parts.append(device.read())
@@ -120,7 +157,7 @@ def _take(device: PoseSource) -> list[Columns]:
             f"read() returns a {type(part).__name__}",
             "Return vrbench.streams.Columns; Columns({}) where nothing came.",
         )
-    return parts
+    return parts, lasted_s, float(np.median(took))
 
 
 def _any(part: Any) -> bool:

@@ -1,29 +1,31 @@
-"""Conformance of what sends poses live: headsets and motion capture."""
+"""Conformance of what sends poses live: what headsets and motion capture have in common."""
 
 from __future__ import annotations
 
 from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from vrbench.config.rig import SIMULATED
-from vrbench.devices.ports import HeadsetProfile
 from vrbench.devices.rehearsal import LOST_EVERY_S, LOST_FROM_S, LOST_UNTIL_S, RECENTRE_EVERY_S
 from vrbench.geometry import Bools, Floats
 from vrbench.plugin.testing.child import check_without_device
 from vrbench.plugin.testing.offered import WithStandIn
-from vrbench.plugin.testing.opening import Recorded, median_rate, record
+from vrbench.plugin.testing.opening import Recorded, median_rate, options_of, record
+from vrbench.plugin.testing.stamps import check_times
 from vrbench.plugin.testing.twist import Match, diagnosis, match
-from vrbench.plugin.testing.verdicts import NotCheckedError, require
-from vrbench.streams import GOOD
+from vrbench.plugin.testing.verdicts import NotCheckedError, given, require
+from vrbench.streams import GOOD, Flag
 from vrbench.trajectory import NS
 
 # Measured against declared, relative.
 RATE_TOLERANCE = 0.1
 # About a loss or a recentre, what is right depends on the stamps: not looked at [s].
 MARGIN_S = 0.06
-CLOCKS = ("utc", "monotonic", "device")
 FUTURE_NS = 200_000_000
+# A `read` that waits holds all other devices up.
+READ_S = 0.1
 
 
 class SourceConformance(WithStandIn):
@@ -41,8 +43,12 @@ class SourceConformance(WithStandIn):
     rate_hz: ClassVar[float | None] = None
 
     @classmethod
-    def recorded(cls) -> Recorded:
-        """What came of a rehearsal, recorded once for all tests of the class."""
+    def live(cls) -> Any:
+        """The spec of a device that can be opened here.
+
+        Raises:
+            NotCheckedError: it has no live route.
+        """
         spec = cls.thing()
         if cls.name == SIMULATED:
             raise NotCheckedError(
@@ -52,6 +58,12 @@ class SourceConformance(WithStandIn):
             raise NotCheckedError(
                 f"{cls.name} is a model without a live route", "check the route it is used with"
             )
+        return spec
+
+    @classmethod
+    def recorded(cls) -> Recorded:
+        """What came of a rehearsal, recorded once for all tests of the class."""
+        spec = cls.live()
         found = cls.kept("recorded", lambda: _kept_error(lambda: cls._record(spec)))
         if isinstance(found, BaseException):
             raise found
@@ -63,16 +75,22 @@ class SourceConformance(WithStandIn):
         return record(cls.kind, spec, cls.stand_in, cls.stream, cls.rate_hz)
 
     @classmethod
+    def came(cls) -> Recorded:
+        """The same, for checks of what came: where nothing did, another check tells."""
+        return given(cls.recorded, "nothing was recorded")
+
+    @classmethod
     def matched(cls) -> tuple[Floats, Match]:
         """Times of the samples since the rehearsal began (n,) [s], and how they match it."""
-        recorded = cls.recorded()
+        recorded = cls.came()
         samples, rehearsal = recorded.samples, recorded.rehearsal
+        given(lambda: check_times(recorded), "the stamps aren't times")
         s = rehearsal.seconds(samples.pose_t)
         # where the source's clock isn't followed, arrivals tell about when it was
         around = float(np.median(samples.pose_t - samples.receive_t)) / NS
         around = 0.0 if abs(around) < 0.2 else around
-        keep = samples.good & _clear_of(s - around, recentred=cls.kind == "headset")
-        require(keep.sum() > 20, f"only {keep.sum()} good poses came", "See the other checks.")
+        keep = samples.good & clear_of(s - around, recentred=cls.kind == "headset")
+        require(keep.sum() > 20, *_none_good(samples.flags))
 
         def shown(t: Floats) -> Any:
             return rehearsal.pose(rehearsal.began + np.rint(t * NS).astype(np.int64))
@@ -90,10 +108,23 @@ class SourceConformance(WithStandIn):
             )
         return s - found.offset_s, found
 
+    @classmethod
+    def timed(cls) -> Floats:
+        """Times of the samples since the rehearsal began (n,) [s], as the movements tell."""
+        return given(cls.matched, "the movement that came isn't the one that was shown")[0]
+
     def test_opening_without_a_device_fails_cleanly(self) -> None:
         """With no device there, opening ends soon, in one error that says what to do."""
-        recorded = self.recorded()
-        check_without_device(self.kind, self.name, recorded.options)
+        check_without_device(self.kind, self.name, self._options())
+
+    def _options(self) -> dict[str, Any]:
+        spec = self.live()
+        try:
+            return self.recorded().options
+        except NotCheckedError:
+            raise
+        except Exception:  # what is wrong with it, another check tells
+            return options_of(spec, self.stand_in, self.rate_hz)
 
     def test_poses_arrive(self) -> None:
         """Between start and stop poses arrive, one stream of them, arrays of one length."""
@@ -115,9 +146,22 @@ class SourceConformance(WithStandIn):
             "Times are int64 nanoseconds; float64 seconds since 1970 are 240 ns coarse.",
         )
 
+    def test_reading_returns_at_once(self) -> None:
+        """`read` returns at once with what has arrived: the recorder has other devices."""
+        took = self.came().read_s
+        require(
+            took < READ_S,
+            f"read() takes {took * 1e3:.0f} ms",
+            "Wait in `start` or in a thread of your own; `read` takes what is there.",
+        )
+
+    def test_stamps_are_times(self) -> None:
+        """Stamps are nanoseconds and go as time does; arrivals are on the recorder's clock."""
+        check_times(self.came())
+
     def test_stamps_never_go_back(self) -> None:
         """Stamps and arrivals come in order, and no pose is told before it was made."""
-        samples = self.recorded().samples
+        samples = self.came().samples
         for what, t in (("source", samples.source_t), ("receive", samples.receive_t)):
             back = np.flatnonzero(np.diff(t) < 0)
             require(
@@ -125,7 +169,7 @@ class SourceConformance(WithStandIn):
                 f"{what} times go back at {len(back)} of {len(t)} samples, first at {_first(back)}",
                 "Stamp by a monotonic clock of the device, and pass samples on in their order.",
             )
-        if self.recorded().followed:
+        if self.came().followed:
             early = samples.receive_t + FUTURE_NS < samples.pose_t
             require(
                 not early.any(),
@@ -135,7 +179,7 @@ class SourceConformance(WithStandIn):
 
     def test_quaternions_are_of_unit_length(self) -> None:
         """Every pose is finite, and every quaternion of unit length, lost ones too."""
-        pose = self.recorded().samples.pose
+        pose = self.came().samples.pose
         finite = np.isfinite(pose.p).all() and np.isfinite(pose.q).all()
         length = np.abs(np.linalg.norm(pose.q, axis=1) - 1.0)
         require(
@@ -150,7 +194,8 @@ class SourceConformance(WithStandIn):
 
     def test_rate_is_as_declared(self) -> None:
         """Poses come as often as the device makes them, and none is left out."""
-        recorded = self.recorded()
+        recorded = self.came()
+        given(lambda: check_times(recorded), "the stamps aren't times")
         declared = recorded.rehearsal.rate_hz
         measured = median_rate(recorded.samples)
         t = recorded.samples.source_t
@@ -163,13 +208,13 @@ class SourceConformance(WithStandIn):
         require(
             mean > declared * (1.0 - RATE_TOLERANCE),
             f"{mean:.1f} poses a second arrive of {declared:g}: some are dropped",
-            "Read all that waits at each `read`, and receive in a thread of its own.",
+            "Read all that waits at each `read`, receive in a thread of its own, and pass on what "
+            "isn't tracked too, with its flags cleared.",
         )
 
     def test_loss_is_told(self) -> None:
         """While tracking is lost no pose counts as good; while it isn't, nearly all do."""
-        s, _ = self.matched()
-        samples = self.recorded().samples
+        s, samples = self.timed(), self.came().samples
         into = s % LOST_EVERY_S
         lost = (into > LOST_FROM_S + MARGIN_S) & (into < LOST_UNTIL_S - MARGIN_S)
         seen = (into < LOST_FROM_S - MARGIN_S) | (into > LOST_UNTIL_S + MARGIN_S)
@@ -187,7 +232,7 @@ class SourceConformance(WithStandIn):
 
     def test_closing_twice(self) -> None:
         """Closing what is closed already does nothing."""
-        error = self.recorded().closed_again
+        error = self.came().closed_again
         require(
             error is None,
             f"closing a second time raises {type(error).__name__}: {error}",
@@ -195,69 +240,24 @@ class SourceConformance(WithStandIn):
         )
 
 
-class HeadsetModelConformance(WithStandIn):
-    """What a headset model is held to, that is known by its profile alone."""
-
-    kind = "headset"
-
-    def test_profile_is_sound(self) -> None:
-        """Rate, clock, cameras and occlusion levels of the model make sense."""
-        spec = self.thing()
-        profile: HeadsetProfile | None = spec.profile
-        if profile is None:
-            raise NotCheckedError(f"{self.name} is a route", "models have profiles")
-        require(10.0 <= profile.rate_hz <= 2000.0, f"rate_hz is {profile.rate_hz}", "In hertz.")
-        require(
-            profile.clock in CLOCKS, f"clock is {profile.clock!r}", f"One of {', '.join(CLOCKS)}."
-        )
-        for level, ids in profile.occlusion.items():
-            unknown = sorted(set(ids) - set(profile.cameras))
-            require(
-                not unknown and len(set(ids)) == len(ids),
-                f"level {level!r} covers cameras {list(ids)}, there are {sorted(profile.cameras)}",
-                "Name cameras by their ids in `cameras`, each once.",
-            )
-
-
-class HeadsetConformance(SourceConformance, HeadsetModelConformance):
-    """What a headset, or a route to headsets, is held to."""
-
-    kind = "headset"
-    stream = "headset/eye"
-
-    def test_recentre_begins_an_epoch(self) -> None:
-        """A recentre begins a new epoch, and nothing else does."""
-        s, _ = self.matched()
-        samples = self.recorded().samples
-        shown = np.floor(s / RECENTRE_EVERY_S).astype(np.int64)
-        keep = _clear_of(s, recentred=True)
-        pairs = sorted(set(zip(shown[keep].tolist(), samples.epoch[keep].tolist(), strict=True)))
-        require(
-            len({a for a, _ in pairs}) == len(pairs) == len({b for _, b in pairs}),
-            f"{len(set(shown[keep].tolist()))} worlds were shown, and epochs "
-            f"{sorted(set(samples.epoch[keep].tolist()))} came",
-            "Count `epoch` up by one when the runtime tells of a recentre, and at no other time.",
-        )
-        require(
-            np.all(np.diff(samples.epoch.astype(np.int64)) >= 0),
-            "epochs go back",
-            "Never use an epoch's number again.",
-        )
-
-
-class MocapConformance(SourceConformance):
-    """What a motion-capture system is held to."""
-
-    kind = "mocap"
-    stream = "mocap/"
-
-
-def _clear_of(s: Floats, *, recentred: bool) -> Bools:
+def clear_of(s: Floats, *, recentred: bool) -> Bools:
     """Times (n,) [s] that no recentre is near."""
     if not recentred:
         return np.ones(len(s), dtype=bool)
     into = s % RECENTRE_EVERY_S
     return np.asarray((into > MARGIN_S) & (into < RECENTRE_EVERY_S - MARGIN_S))
+
+
+def _none_good(flags: npt.NDArray[np.uint32]) -> tuple[str, str]:
+    """What to say of flags (n,) of which hardly any is good."""
+    lacking = [flag.name or "" for flag in Flag if np.mean((flags & flag) != 0) < 0.5]
+    names = ", ".join(name.lower().replace("_", " ") for name in lacking)
+    return (
+        f"of {len(flags)} poses that came {int(np.sum(flags == GOOD))} count as good: "
+        f"most lack the flags {names}",
+        f"A pose that is valid and tracked has all four flags, {GOOD}. `believed` clears those of "
+        "what can't be true: positions that aren't finite, quaternions that aren't of unit length.",
+    )
 
 
 def _first(index: Any) -> str:

@@ -15,7 +15,17 @@ NEAR_M, NEAR_RAD = 0.006, np.radians(0.8)
 SEARCH_S, STEP_S = 0.3, 0.01
 KEPT = 60
 AXES = ("x", "-x", "y", "-y", "z", "-z")
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+UNITS = {
+    "": 1.0,
+    ", in cm": 0.01,
+    ", in mm": 0.001,
+    ", in inches": 0.0254,
+    ", in feet": 0.3048,
+    ", 10 times too small": 10.0,
+    ", 100 times too small": 100.0,
+    ", 1000 times too small": 1000.0,
+    ", 10 times too large": 0.1,
+}
 # At times since the beginning (n,) [s], the poses (n,) that were shown.
 Shown = Callable[[Floats], Transform]
 
@@ -106,7 +116,7 @@ def _conventions() -> Iterator[tuple[str, Axes]]:
 
 def _positions(pose: Transform) -> Iterator[tuple[str, Floats]]:
     for (told, axes), (unit, metres) in product(_conventions(), UNITS.items()):
-        yield (told if unit == "m" else f"{told}, in {unit}"), axes.to_openxr(pose).p * metres
+        yield f"{told}{unit}", axes.to_openxr(pose).p * metres
 
 
 def _rotations(pose: Transform) -> Iterator[tuple[str, Floats]]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import unittest
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 from vrbench.plugin.manager import Plugins
 
+Result = TypeVar("Result")
 Status = Literal["passed", "failed", "not checked"]
 
 
@@ -69,6 +70,20 @@ def require(holds: object, what: str, fix: str) -> None:
     """
     if not holds:
         raise NonconformityError(what, fix)
+
+
+def given(make: Callable[[], Result], else_: str) -> Result:
+    """What a check builds upon; where that is wrong itself, its own check tells.
+
+    Raises:
+        NotCheckedError: it is.
+    """
+    try:
+        return make()
+    except NotCheckedError:
+        raise
+    except Exception:
+        raise NotCheckedError(else_, "mend what the failed check tells") from None
 
 
 class Conformance:

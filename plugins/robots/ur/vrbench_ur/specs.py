@@ -53,12 +53,15 @@ def _where(options: Options) -> str:
 
 
 @contextmanager
-def _stand_in(_rehearsal: Rehearsal) -> Iterator[Mapping[str, Any]]:
-    """The emulated UR5e, which moves as it is told to."""
-    from vrbench_ur.testing import Emulator, options
+def _stand_in(arm: Arm, _rehearsal: Rehearsal) -> Iterator[Mapping[str, Any]]:
+    """The emulated arm, which moves as it is told to."""
+    from vrbench_ur.testing import STARTS, Emulator, options
 
-    with Emulator() as emulator:
-        yield options(emulator.host).model_dump(mode="json")
+    with Emulator("--model", arm.name) as emulator:
+        # nothing stands around an emulated arm, and a small one comes near a table on its way
+        around = {"table_m": None}
+        chosen = options(emulator.host, start=STARTS[arm.name], workspace=around)
+        yield chosen.model_dump(mode="json")
 
 
 ROBOTS = [
@@ -70,7 +73,7 @@ ROBOTS = [
         options=Options,
         check=partial(_check, arm),
         emulator=f"vrbench_ur.emulator{'' if arm is UR5E else '.' + arm.name}",
-        stand_in=_stand_in if arm is UR5E else None,
+        stand_in=partial(_stand_in, arm),
         planner=partial(_planner, arm),
         real=True,
         where=_where,

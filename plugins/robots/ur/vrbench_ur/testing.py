@@ -30,6 +30,12 @@ _NUMBER = itertools.count(1)
 PATIENCE_S = 20.0
 START = Start(p_m=(0.4622, 0.0109, 0.9861), yaw_deg=155.84)
 """A good start of a UR5e, found by search for the motion `shooter-1`."""
+STARTS = {
+    "ur3e": Start(p_m=(0.2773, 0.0109, 0.5917), yaw_deg=155.84),
+    "ur5e": START,
+    "ur10e": Start(p_m=(0.6471, 0.0109, 1.3805), yaw_deg=155.84),
+}
+"""Starts from which each arm can do a small motion: the UR5e's, in proportion to its reach."""
 MOUNTING = Mounting().tcp_eye.transform()
 """The nominal mounting of a rig that states none."""
 
