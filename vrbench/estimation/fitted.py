@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrbench.clocks import ClockMap
+from vrbench.estimation.model import Model, State
 from vrbench.geometry import (
     Floats,
     Ints,
     Transform,
+    quat_rotate,
 )
+from vrbench.trajectory import NS, Trajectory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,3 +51,48 @@ class Fit:
         """The standard deviation of one free parameter."""
         index = self.names.index(name)
         return float(np.sqrt(self.covariance[index, index]))
+
+
+def fitted(
+    model: Model,
+    clock: ClockMap,
+    state: State,
+    covariance: Floats,
+    used: Trajectory,
+) -> Fit:
+    """The result of a fit of a model to the poses used, from where it ended."""
+    translation, rotation = model.residuals(state)
+    lever = quat_rotate(state.y_q, model.mean_p)
+    to_y = np.eye(len(model.names))
+    if "y.rx" in model.names:
+        # inside, Y turns about the mean eye position; y.p is the place of the world's origin:
+        # dp = dc - a x (R_y p_mean)
+        i = model.names.index("y.rx")
+        to_y[i + 3 : i + 6, i : i + 3] = _cross(lever)
+    return Fit(
+        clock=_corrected(clock, state, model.middle_ns),
+        x=state.x,
+        y=Transform(state.centre - lever, state.y_q),
+        scale=state.scale,
+        scale_centre=model.mean_p,
+        names=model.names,
+        covariance=to_y @ covariance @ to_y.T,
+        t=used.t,
+        translation=translation,
+        rotation=rotation,
+    )
+
+
+def _corrected(clock: ClockMap, state: State, middle_ns: int) -> ClockMap:
+    """The initial clock with its offset and slope corrected."""
+    knots = clock.knots
+    if len(knots) == 1:
+        return ClockMap.affine(
+            middle_ns, float(clock.offset_ns(middle_ns)) / NS + state.offset, state.skew
+        )
+    offsets = clock.offset_ns(knots) + state.offset * NS + state.skew * (knots - middle_ns)
+    return ClockMap(knots, offsets)
+
+
+def _cross(v: Floats) -> Floats:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
