@@ -22,14 +22,14 @@ from vrbench.config.suite import Suite, load_suite
 from vrbench.devices.simulated.headset import SimulatedHeadset
 from vrbench.devices.simulated.robot import SimulatedRobot
 from vrbench.errors import ConfigError, DeviceError
-from vrbench.forecast import run_bytes
-from vrbench.opening import nominal_rates
 from vrbench.plugin.manager import Plugins
 from vrbench.recording.guard import DiskFullError
 from vrbench.recording.take import read_take
 from vrbench.results.bundle import Bundle
 from vrbench.results.lock import locked
 from vrbench.runner import InterruptedRunError, record_suite
+from vrbench.running.forecast import run_bytes
+from vrbench.running.opening import nominal_rates
 from vrbench.streams import Columns
 
 STEPS = ["calibrate.default.m1.r1", "replay.default.m1.r1", "replay.default.m1.r2"]

@@ -9,10 +9,7 @@ from functools import partial
 
 from vrbench.cache.stages import Stages, family_code
 from vrbench.cache.store import Store
-from vrbench.comparison import baseline_rows
-from vrbench.crosscheck import crosscheck_rows
 from vrbench.errors import EstimationError
-from vrbench.loops import loop_rows
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.body import Shapes, body_shapes, usable
@@ -25,11 +22,14 @@ from vrbench.results.phases import PhaseRow, phase_rows, write_phases
 from vrbench.results.plot_curves import take_curves
 from vrbench.results.plot_data import TakeCurves, bins_for, curves_file, write_curves
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
-from vrbench.rules import Rules
-from vrbench.scoring import Scored, score, unscored_take, with_interval
+from vrbench.scoring.baseline import baseline_rows
+from vrbench.scoring.cases import Scored, score, unscored_take, with_interval
+from vrbench.scoring.crosscheck import crosscheck_rows
+from vrbench.scoring.loops import loop_rows
+from vrbench.scoring.rules import Rules
+from vrbench.scoring.variants import variant_rows
 from vrbench.statistics.uncertainty import intervals
 from vrbench.streams import Columns
-from vrbench.variants import variant_rows
 
 # Told of each take as it is scored: its name, its place, how many there are.
 Tell = Callable[[str, int, int], None]

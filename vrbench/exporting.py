@@ -8,7 +8,6 @@ from pathlib import Path
 
 from vrbench.errors import DataError, EstimationError
 from vrbench.evaluation import Tell, calibrated
-from vrbench.preparing import prepared
 from vrbench.protocols.body import body_shapes, usable
 from vrbench.protocols.protocol import Protocol
 from vrbench.results.bundle import Bundle
@@ -17,7 +16,8 @@ from vrbench.results.export.layout import write_layout
 from vrbench.results.export.part import Part
 from vrbench.results.files import new_folder
 from vrbench.results.tables import parse_rows
-from vrbench.rules import Rules
+from vrbench.scoring.preparing import prepared
+from vrbench.scoring.rules import Rules
 
 WRITERS: dict[str, Callable[[Part, Path], list[Path]]] = {
     "tum": tum.write_part,

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from vrbench.capture import Person, PersonMover, SimulatedPerson, persons_references
 from vrbench.config.case import UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Suite
@@ -14,9 +13,17 @@ from vrbench.config.yaml_file import as_yaml
 from vrbench.devices.ports import Operator
 from vrbench.devices.simulated.stage import SimulatedOperator
 from vrbench.errors import ConfigError, VrbenchError
-from vrbench.forecast import check_room, run_bytes
-from vrbench.movers import Mover, RobotMover, lacking, robots_references
-from vrbench.opening import (
+from vrbench.plugin.manager import Plugins
+from vrbench.plugin.report import newest
+from vrbench.recording.guard import DiskFullError
+from vrbench.results.bundle import Bundle, require_new
+from vrbench.results.lock import locked
+from vrbench.results.record import DeviceRecord, RunRecord, utc_now, versions
+from vrbench.running.capture import Person, PersonMover, SimulatedPerson, persons_references
+from vrbench.running.feasibility import check_feasible
+from vrbench.running.forecast import check_room, run_bytes
+from vrbench.running.movers import Mover, RobotMover, lacking, robots_references
+from vrbench.running.opening import (
     Devices,
     accuracy_of,
     is_simulated,
@@ -24,17 +31,10 @@ from vrbench.opening import (
     occlusion_of,
     open_rig,
 )
-from vrbench.permission import Permission
-from vrbench.plugin.manager import Plugins
-from vrbench.plugin.report import newest
-from vrbench.recording.guard import DiskFullError
-from vrbench.rehearsal import rehearse
-from vrbench.results.bundle import Bundle, require_new
-from vrbench.results.lock import locked
-from vrbench.results.record import DeviceRecord, RunRecord, utc_now, versions
-from vrbench.resuming import ended, left, resumed
-from vrbench.reusing import reused
-from vrbench.steps import Watcher, record_step, skip_step
+from vrbench.running.permission import Permission
+from vrbench.running.resuming import ended, left, resumed
+from vrbench.running.reusing import reused
+from vrbench.running.steps import Watcher, record_step, skip_step
 from vrbench.trajectory import NS
 
 # Of everything random, where nobody says another.
@@ -98,7 +98,7 @@ def record_suite(
         begun = Bundle.begun(folder).record
         seed = begun.seed if seed is None else seed
     seed = SEED if seed is None else seed
-    rehearse(suite, suite.label)
+    check_feasible(suite, suite.label)
     record = _record(suite, rig, rig_name, plugins, seed, permission, licence, consent)
     if suite.mover == "person":
         rig = rig.model_copy(update={"robot": None})

@@ -115,7 +115,7 @@ def test_only_what_changed_is_computed_again(tmp_path: Path, run: Path) -> None:
 def test_no_metric_is_a_part_of_what_all_of_them_rest_on() -> None:
     protocols = {PROTOCOL.prepare.__module__ for PROTOCOL in builtin_protocols()}
     base = code_of([EVALUATION, *protocols])
-    assert PACKAGE / "scoring.py" in base
+    assert PACKAGE / "scoring" / "cases.py" in base
     assert PACKAGE / "geometry.py" in base
     for family in builtin_families():
         (module,) = {f.__module__ for f in (family.of_take, family.of_repeats) if f is not None}

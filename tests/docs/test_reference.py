@@ -14,13 +14,13 @@ from pydantic import BaseModel
 
 from tests.docs.blocks import REPO
 from vrbench.cli import cli
-from vrbench.crosscheck import NAMES
 from vrbench.metrics.registry import builtin_families
 from vrbench.recording import cdr
 from vrbench.results.calibrations import CalibrationRecord
 from vrbench.results.phases import COLUMNS as PHASE_COLUMNS
 from vrbench.results.record import DeviceRecord, RunRecord, TakeRecord
 from vrbench.results.tables import COLUMNS, STATUSES
+from vrbench.scoring.crosscheck import NAMES
 from vrbench.statistics.floor import NoiseFloor
 
 DOCS = REPO / "docs"

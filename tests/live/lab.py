@@ -18,8 +18,8 @@ from vrbench.config.rig import load_rig
 from vrbench.config.suite import load_suite
 from vrbench.motion.files import Header, write_motion
 from vrbench.motion.generators import saturating
-from vrbench.permission import plan_suite
 from vrbench.plugin.manager import Plugins
+from vrbench.running.permission import plan_suite
 
 SECONDS = 16.0
 TOKEN = "0123456789abcdef"

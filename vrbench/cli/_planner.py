@@ -12,8 +12,8 @@ from vrbench.geometry import Transform
 from vrbench.motion.files import has_header, read_motion
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import Motion, relative_to_first
-from vrbench.opening import chosen_device
 from vrbench.plugin.manager import Plugins
+from vrbench.running.opening import chosen_device
 from vrbench.trajectory import read_tum
 
 

@@ -19,7 +19,7 @@ TRACKED = 0.995
 
 
 class RunDisplay:
-    """A `vrbench.steps.Watcher` that shows what it is told on standard error."""
+    """A `vrbench.running.steps.Watcher` that shows what it is told on standard error."""
 
     def __init__(self, what: str, out: Console) -> None:
         self._what, self._out = what, out

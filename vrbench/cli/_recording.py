@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from vrbench.config.rig import Rig
     from vrbench.config.suite import Suite
     from vrbench.devices.permit import Permit
-    from vrbench.permission import Permission
     from vrbench.plugin.manager import Plugins
     from vrbench.results.bundle import Bundle
+    from vrbench.running.permission import Permission
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ def _permission(
 ) -> Permission | None:
     """Plans a real robot's motions, shows them, and checks `--execute`; None for simulated ones."""
     from vrbench.devices.permit import confirm
-    from vrbench.permission import permission, plan_suite
+    from vrbench.running.permission import permission, plan_suite
 
     with bar(f"plan {suite.label}") as tell:
         planned = plan_suite(suite, rig, asked.rig, plugins, tell)

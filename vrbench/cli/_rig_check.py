@@ -9,8 +9,8 @@ from vrbench.config.rig import SIMULATED, Rig
 from vrbench.devices.host import RealClock
 from vrbench.devices.ports import Finding, Session
 from vrbench.errors import ConfigError, VrbenchError
-from vrbench.opening import chosen_devices, is_simulated
 from vrbench.plugin.manager import Plugins
+from vrbench.running.opening import chosen_devices, is_simulated
 
 
 class Checked(NamedTuple):
@@ -26,7 +26,7 @@ def check_rig(rig: Rig, rig_name: str, plugins: Plugins) -> Iterator[Checked]:
     All that `run` refuses at once is told, and before the first device is looked at.
 
     Raises:
-        ConfigError: as `vrbench.opening.chosen_devices`.
+        ConfigError: as `vrbench.running.opening.chosen_devices`.
     """
     chosen = chosen_devices(rig, rig_name, plugins)
     try:

@@ -52,14 +52,14 @@ def check(suite: str) -> None:
     """Say whether SUITE, a file or a name, can be run: its fields, motions and metrics."""
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
-    from vrbench.rehearsal import rehearse
+    from vrbench.running.feasibility import check_feasible
 
     plugins = Plugins()
     found = load_suite(suite, dict(plugins.suites))
     if found.mover == "robot":
         for motion in found.motions:
             found.motion(motion)
-    rehearse(found, suite)
+    check_feasible(found, suite)
     families_of(found, plugins, suite)
     click.echo(f"{found.label} is sound: {sum(1 for _ in found.schedule())} takes")
 

@@ -18,8 +18,8 @@ from vrbench.config.rig import load_rig
 from vrbench.config.suite import Suite
 from vrbench.devices.permit import SHOWN, Permit
 from vrbench.errors import ConfigError
-from vrbench.permission import permission, plan_suite
 from vrbench.plugin.manager import Plugins
+from vrbench.running.permission import permission, plan_suite
 from vrbench.trajectory import write_tum
 
 HERE = Path(__file__).parents[1]

@@ -11,7 +11,7 @@ from vrbench.config.suite import Suite
 from vrbench.errors import ConfigError
 from vrbench.results.bundle import Bundle
 from vrbench.results.record import RECORD, RunRecord, TakeRecord, utc_now
-from vrbench.resuming import ended, whole
+from vrbench.running.resuming import ended, whole
 from vrbench.trajectory import NS
 
 

@@ -12,8 +12,8 @@ from vrbench.errors import EstimationError
 from vrbench.metrics.registry import Value
 from vrbench.results.phases import PhaseRow
 from vrbench.results.tables import STATUSES, Row
-from vrbench.rules import Rules
-from vrbench.scoring import Scored
+from vrbench.scoring.cases import Scored
+from vrbench.scoring.rules import Rules
 from vrbench.statistics.paired import Phases, paired_difference
 
 VARIANT = "vs-baseline"

@@ -15,7 +15,7 @@ from vrbench.metrics.scored import ScoredTake
 from vrbench.protocols.calibration import Verdict
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
-from vrbench.rules import Rules
+from vrbench.scoring.rules import Rules
 
 
 def family_rows(

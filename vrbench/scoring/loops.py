@@ -10,7 +10,6 @@ import numpy as np
 from vrbench.clocks import ClockMap, device_time
 from vrbench.errors import EstimationError
 from vrbench.estimation.fit import fit
-from vrbench.family_rows import family_rows
 from vrbench.geometry import Floats, Ints, Transform, quat_rotate, quat_to_rotvec
 from vrbench.metrics.compared import MM, WORLD_UP
 from vrbench.metrics.registry import Value
@@ -20,8 +19,9 @@ from vrbench.metrics.summary import absent
 from vrbench.protocols.protocol import reference_samples
 from vrbench.protocols.stretches import inside, spans
 from vrbench.results.tables import Row
-from vrbench.rules import Rules
-from vrbench.scoring import Scored, with_intervals
+from vrbench.scoring.cases import Scored, with_intervals
+from vrbench.scoring.family_rows import family_rows
+from vrbench.scoring.rules import Rules
 from vrbench.statistics.bootstrap import LEVEL
 from vrbench.statistics.paired import by_phase, paired_difference
 from vrbench.statistics.uncertainty import error_models, error_vectors

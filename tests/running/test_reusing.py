@@ -14,8 +14,8 @@ from vrbench.plugin.manager import Plugins
 from vrbench.results.bundle import Bundle
 from vrbench.results.files import file_digest
 from vrbench.results.record import utc_now
-from vrbench.reusing import _may_tell_of_hands, reused
 from vrbench.runner import record_suite
+from vrbench.running.reusing import _may_tell_of_hands, reused
 
 
 def again(suite, folder, earlier, rig="sim:sim", seed=7):

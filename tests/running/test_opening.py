@@ -11,8 +11,8 @@ from vrbench.config.rig import load_rig
 from vrbench.devices.simulated.headset import HEADSET
 from vrbench.devices.simulated.robot import ROBOT
 from vrbench.errors import ConfigError
-from vrbench.opening import chosen_device, chosen_devices
 from vrbench.plugin.manager import Plugins
+from vrbench.running.opening import chosen_device, chosen_devices
 
 
 class Payload(BaseModel):

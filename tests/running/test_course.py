@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from vrbench.config.case import Case
-from vrbench.course import Course, Diary
 from vrbench.devices.ports import HeadsetProfile, Plan
 from vrbench.devices.simulated.stage import VirtualClock
 from vrbench.geometry import Transform
+from vrbench.running.course import Course, Diary
 from vrbench.trajectory import NS, Trajectory
 
 

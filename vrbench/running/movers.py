@@ -1,4 +1,4 @@
-"""What moves the headset while a take is recorded: a robot here, a person in `vrbench.capture`."""
+"""What moves the headset while a take is recorded: a robot here, a person in `capture`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Protocol
 from vrbench.config.case import ALL, OPENING, UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Case, Step, Suite
-from vrbench.course import Course, Diary, told
 from vrbench.devices.ports import HeadsetProfile, Occlusion, Operator, Plan, Robot, Session
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import at_speed
-from vrbench.permission import Permission
 from vrbench.recording.interrupt import Interrupt
+from vrbench.running.course import Course, Diary, told
+from vrbench.running.permission import Permission
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from vrbench.estimation.clock import MINIMUM_OVERLAP_S
 from vrbench.motion.motion import at_speed
 
 
-def rehearse(suite: Suite, where: str) -> None:
+def check_feasible(suite: Suite, where: str) -> None:
     """Goes through every case that a robot moves, by the lengths of its motions.
 
     Args:

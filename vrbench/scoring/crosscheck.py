@@ -21,7 +21,7 @@ from vrbench.protocols.calibration import Verdict
 from vrbench.protocols.protocol import reference_trajectory
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
-from vrbench.rules import Rules
+from vrbench.scoring.rules import Rules
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 

@@ -9,17 +9,17 @@ import numpy as np
 
 from vrbench.clocks import ClockMap
 from vrbench.errors import DataError, EstimationError
-from vrbench.family_rows import absent_values, family_rows
 from vrbench.geometry import Transform
 from vrbench.metrics.scored import ScoredTake
-from vrbench.preparing import excluded
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.protocols.protocol import headset_samples, recorded_span
 from vrbench.protocols.stretches import without
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
-from vrbench.rules import Rules
-from vrbench.scoring import Scored
+from vrbench.scoring.cases import Scored
+from vrbench.scoring.family_rows import absent_values, family_rows
+from vrbench.scoring.preparing import excluded
+from vrbench.scoring.rules import Rules
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 

@@ -17,8 +17,8 @@ from vrbench.devices.permit import Permit, confirm, require, run_hash
 from vrbench.devices.ports import MotionPlanner, Plan
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import at_speed
-from vrbench.opening import chosen_device, is_simulated
 from vrbench.plugin.manager import Plugins
+from vrbench.running.opening import chosen_device, is_simulated
 
 Progress = Callable[[str, float], None]
 # Asks a person about these plans of a robot, and grants them.

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from vrbench.errors import DataError, EstimationError
-from vrbench.family_rows import absent_values, family_rows
 from vrbench.geometry import Floats
 from vrbench.metrics.registry import Value
 from vrbench.metrics.scored import ScoredTake
-from vrbench.preparing import Prepared, prepared
 from vrbench.protocols.calibration import Calibration, Verdict
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Member, Row, pool
-from vrbench.rules import Rules, verdict_of
+from vrbench.scoring.family_rows import absent_values, family_rows
+from vrbench.scoring.preparing import Prepared, prepared
+from vrbench.scoring.rules import Rules, verdict_of
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.floor import floor_values
 from vrbench.statistics.of_scale import scale_intervals

@@ -7,13 +7,13 @@ from typing import Protocol
 
 from vrbench.config.suite import Step, Suite
 from vrbench.devices.ports import facts_of
-from vrbench.movers import Mover
-from vrbench.opening import Devices
 from vrbench.recording.monitor import Progress
 from vrbench.recording.recorder import MOVER, TakeFailedError, record_take
 from vrbench.results.bundle import Bundle
 from vrbench.results.files import file_digest
 from vrbench.results.record import DeviceRecord, TakeRecord
+from vrbench.running.movers import Mover
+from vrbench.running.opening import Devices
 
 
 class Watcher(Protocol):

@@ -11,7 +11,7 @@ from vrbench.devices.permit import Permit
 from vrbench.devices.ports import HeadsetProfile, Plan, Session
 from vrbench.devices.simulated.stage import VirtualClock
 from vrbench.geometry import Transform
-from vrbench.movers import RobotMover
+from vrbench.running.movers import RobotMover
 from vrbench.trajectory import NS, Trajectory
 
 FIRST_PASS_S = 100.0

@@ -13,7 +13,7 @@ from vrbench.errors import ConfigError
 from vrbench.motion.files import given
 from vrbench.motion.generators import generate
 from vrbench.motion.motion import digest_of_name
-from vrbench.movers import Movement
+from vrbench.running.movers import Movement
 from vrbench.trajectory import Trajectory
 
 STEP_S = 1.0
@@ -52,7 +52,7 @@ class SimulatedPerson:
 
 
 class PersonMover:
-    """A person moves, as `vrbench.movers.Mover` says; their motion is known by name only."""
+    """A person moves: a `Mover` whose motion is known by name only."""
 
     def __init__(self, suite: Suite, person: Person, session: Session) -> None:
         self._suite, self._person, self._session = suite, person, session

@@ -20,7 +20,7 @@ from vrbench.protocols.protocol import (
 from vrbench.protocols.sitting import in_sitting
 from vrbench.protocols.stretches import spans, without
 from vrbench.results.record import TakeRecord
-from vrbench.rules import Rules
+from vrbench.scoring.rules import Rules
 from vrbench.streams import Columns
 
 
