@@ -136,21 +136,26 @@ def test_a_take_of_a_second_has_no_spectrum():
     assert spectrum(np.zeros(0, dtype=np.int64), np.zeros((0, 3))) is None
 
 
-def test_first_and_last_loop_are_told_from_events(run):
+@pytest.mark.parametrize("behind_ns", [0, 4000 * NS])
+def test_first_and_last_loop_are_told_from_events(run, behind_ns):
+    """Also where the reference has a clock of its own, far from the recorder's."""
     bundle = Bundle.open(run)
     part = next(p for p in ready(bundle, PROTOCOL, lambda *_: None, pytest.fail)).scored
     start = int(part.reference.t[0])
     events = [
-        Event(start + round(s * NS), "loop", {"number": k, "at": at})
+        Event(start + round(s * NS) - behind_ns, "loop", {"number": k, "at": at})
         for k in (1, 2, 3)
         for s, at in ((8.0 * k - 7.0, "start"), (8.0 * k, "end"))
     ]
-    looped = replace(part, columns=replace(part.columns, events=events))
+    events.append(Event(start + 8 * NS - behind_ns, "gap", {"at": "start"}))
+    columns = replace(part.columns, events=events)
+    looped = replace(part, columns=columns, recorder_behind_ns=behind_ns)
     record = bundle.record.takes[0]
     curves = take_curves(record, looped, {"all": looped}, "robot", 500)
     assert [loop.name for loop in curves.loops] == ["loop 1", "loop 3"]
     assert [loop.duration_s for loop in curves.loops] == pytest.approx([7.0, 7.0])
     assert all(np.isfinite(unpacked(axis)).mean() > 0.9 for axis in curves.loops[0].axes)
+    assert [(mark.t, mark.kind) for mark in curves.marks] == [(8.0, "way back")]
     assert take_curves(record, part, {"all": part}, "robot", 500).loops == []
 
 

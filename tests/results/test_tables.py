@@ -36,6 +36,13 @@ TAKES = ("mount", "repeat")
 BOTH = {("1", "1"): "", ("1", "2"): ""}
 
 
+@pytest.mark.parametrize("gap", ["\n", "\r\n", "\u2028", "\x85", "\x0b", "\x1c", "  "])
+def test_a_reason_is_one_line_whatever_a_plugin_says(gap: str, tmp_path: Path) -> None:
+    write_rows([replace(ROW, reason=f"first{gap}second")], tmp_path / "a.csv")
+    (row,) = read_rows(tmp_path / "a.csv")
+    assert row.reason == "first second"
+
+
 def test_rows_come_back(tmp_path: Path) -> None:
     rows = [ROW, replace(ROW, value=None, status="skipped", reason='no "x", says the gate')]
     write_rows(rows, tmp_path / "metrics" / "a.csv")

@@ -97,7 +97,7 @@ def _all(take: ScoredTake) -> tuple[list[float | None], list[float], list[float]
     """Times to be right (None: never) and to be found [s], and offsets [m], of each loss."""
     good_t = np.unique(take.samples.pose_t[take.samples.good])
     found = losses(good_t)
-    covers = [event.t for event in take.columns.events if event.kind == "occlusion"]
+    covers = [event.t for event in take.events() if event.kind == "occlusion"]
     if not found:
         raise EstimationError("tracking was never lost")
     eye = next(under(take, Transform.identity()))

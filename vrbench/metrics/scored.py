@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from vrbench.clocks import ClockMap
 from vrbench.geometry import Floats, Ints, Transform
-from vrbench.streams import Columns, Samples
+from vrbench.streams import Columns, Event, Samples
 from vrbench.trajectory import Trajectory
 
 
@@ -50,6 +50,7 @@ class ScoredTake:
         segment: `all`, or the epoch it lies in.
         x_covariance: of X (6, 6): rotation vector in `eye` [rad], translation in `tcp` [m].
         offset_sigma_s: standard deviation of the clock's offset [s].
+        recorder_behind_ns: what the recorder's clock lacks of the reference's; 0: they are one.
         clock_fit: what the fit of `clock` says of itself; None where the clocks were given.
     """
 
@@ -68,6 +69,12 @@ class ScoredTake:
     segment: str = "all"
     x_covariance: Floats | None = None
     offset_sigma_s: float | None = None
+    recorder_behind_ns: int = 0
+
+    def events(self) -> Iterator[Event]:
+        """What happened in the take, on the reference's clock, within the window or not."""
+        for event in self.columns.events:
+            yield replace(event, t=event.t + self.recorder_behind_ns)
 
     def points(self) -> Iterator[tuple[str, Transform, Transform]]:
         """(name, truth `T_base_point`, estimate `T_world_point`), at the eye and at the tcp.

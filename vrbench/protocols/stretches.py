@@ -33,9 +33,13 @@ def spans(columns: Columns, kind: str, reference: Samples) -> Ints:
         elif event.kind == kind and start is not None:
             found.append((start, event.t))
             start = None
+    return np.array(found, dtype=np.int64).reshape(-1, 2) + recorder_behind_ns(reference)
+
+
+def recorder_behind_ns(reference: Samples) -> int:
+    """What the recorder's clock, that of events, lacks of a stream's [ns]; 0 where they are one."""
     late = int(np.median(reference.pose_t - reference.receive_t)) if len(reference) else 0
-    shift = late if abs(late) > OTHER_CLOCK_NS else 0
-    return np.array(found, dtype=np.int64).reshape(-1, 2) + shift
+    return late if abs(late) > OTHER_CLOCK_NS else 0
 
 
 def inside(t: Ints, of: Ints) -> Bools:

@@ -26,8 +26,10 @@ from vrbench.protocols.protocol import (
     Protocol,
     headset_samples,
     recorded_span,
+    reference_samples,
     world_of,
 )
+from vrbench.protocols.stretches import recorder_behind_ns
 from vrbench.protocols.synchrony import synchronised
 from vrbench.streams import Columns
 from vrbench.trajectory import NS, Trajectory
@@ -147,6 +149,7 @@ def prepare(
         anchor_end=None if anchor_s is None else int(moving.t[0]) + round(anchor_s * NS),
         clock_fit=synchrony,
         offset_sigma_s=sigma,
+        recorder_behind_ns=recorder_behind_ns(reference_samples(columns, reference)),
     )
 
 

@@ -227,7 +227,7 @@ def _marks(take: ScoredTake) -> list[Mark]:
     start, end = int(take.reference.t[0]), int(take.reference.t[-1])
     marks = [
         Mark(t=round((event.t - start) / NS, 3), kind=_told(event))
-        for event in take.columns.events
+        for event in take.events()
         if event.kind not in UNSEEN and start <= event.t <= end and event.detail.get("at") != "end"
     ]
     epoch = take.samples.epoch.astype(np.int64)
@@ -261,7 +261,7 @@ def _loops(whole: ScoredTake, parts: Sequence[ScoredTake]) -> list[LoopCurves]:
     """
     start, end = int(whole.reference.t[0]), int(whole.reference.t[-1])
     ends: dict[object, dict[object, int]] = {}
-    for event in whole.columns.events:
+    for event in whole.events():
         if event.kind == "loop":
             ends.setdefault(event.detail.get("number"), {})[event.detail.get("at")] = event.t
     whole_ones = [
