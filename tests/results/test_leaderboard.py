@@ -408,3 +408,9 @@ def test_a_run_that_cannot_be_read_is_left_out_and_told(make: Make, tmp_path: Pa
         strict=True,
     ):
         assert why in told[str(run)]
+
+
+def test_a_protocol_that_does_not_give_what_is_ranked_is_told(make: Make) -> None:
+    run = rewrite(make("a"), lambda row: replace(row, point="tcp" if row.point else ""))
+    (left,) = leaderboard([run], "vrbench-1").left_out
+    assert "protocol vrbench-1 gives no ape.translation.aligned at the eye" in str(left.error)

@@ -110,7 +110,8 @@ def standings(bundle: Bundle, protocol: str) -> list[Standing]:
     """What a run says on each of its boards.
 
     Raises:
-        DataError: it has no metrics yet, they were changed, or its suite isn't that of its digest.
+        DataError: it has no metrics yet, they were changed, they don't have what the suite ranks by,
+            or its suite isn't that of its digest.
     """
     suite = _suite(bundle)
     reference, rank = bundle.record.references[0], suite.rank
@@ -124,6 +125,13 @@ def standings(bundle: Bundle, protocol: str) -> list[Standing]:
     if baseline_of(suite):
         rows += select_rows(
             path, text, reference=reference, variant="vs-baseline", cells=(ranking, others[0])
+        )
+    if not any(row.metric == rank.metric for row in rows):
+        raise DataError(
+            f"protocol {protocol} gives no {rank.metric} at the {rank.point} against {reference}, "
+            f"by which {suite.label} ranks",
+            file=path,
+            fix="`vrbench report` and `compare` show what it gives",
         )
     by_case: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for row in rows:
