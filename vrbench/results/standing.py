@@ -110,8 +110,8 @@ def standings(bundle: Bundle, protocol: str) -> list[Standing]:
     """What a run says on each of its boards.
 
     Raises:
-        DataError: it has no metrics yet, they were changed, they don't have what the suite ranks by,
-            or its suite isn't that of its digest.
+        DataError: it has no metrics yet, or none that the suite ranks by, they were changed, or its
+            suite isn't that of its digest.
     """
     suite = _suite(bundle)
     reference, rank = bundle.record.references[0], suite.rank
