@@ -280,7 +280,8 @@ def test_the_relay_speaks_the_pages_protocol(fake, path, recorder, relay):
     truth = np.array([path(round(ms * 1e6)) for ms in frames.position[:, 0]])
     np.testing.assert_allclose(samples.pose.p, truth[:, :3], atol=1e-6)
     np.testing.assert_allclose(samples.pose.q, truth[:, 3:], atol=1e-6)
-    assert not events_of(columns, "gap")
+    # a busy computer pauses, and loses nothing by that
+    assert not [gap for gap in events_of(columns, "gap") if gap["kind"] == "sequence"]
     (facts,) = events_of(columns, "headset")
     assert facts["client"] == "openxr relay"
     assert facts["agent"].startswith("Head Fake")

@@ -40,6 +40,11 @@ def events_of(columns, kind):
     return [event.detail for event in columns.events if event.kind == kind]
 
 
+def lost(columns):
+    """Gaps in what was numbered; a busy computer pauses, and loses nothing by that."""
+    return [gap for gap in events_of(columns, "gap") if gap["kind"] == "sequence"]
+
+
 @pytest.fixture
 def route():
     options = Options(listen="127.0.0.1:0", token=TOKEN, adb=False, quiet=True)
@@ -83,7 +88,7 @@ def test_poses_arrive_as_they_were_sent_and_none_is_missing(route, logger):
     eye = unity_to_openxr(unity)
     np.testing.assert_array_equal(samples.pose.p, eye.p)
     np.testing.assert_allclose(samples.pose.q, eye.q, atol=1e-7)
-    assert not events_of(columns, "gap")
+    assert not lost(columns)
     assert len(columns.clocks["headset"]) > 3
     (facts,) = events_of(columns, "headset")
     assert facts["model"] == "emulated Quest"
@@ -111,7 +116,7 @@ def test_one_session_lives_through_many_takes(route, logger):
         route.stop()
         columns = route.read()
         assert columns.poses["headset/eye"].good.all()
-        assert not events_of(columns, "gap")
+        assert not lost(columns)
         assert route.read().poses == {}
 
 
@@ -194,7 +199,7 @@ def test_datagrams_of_another_shape_are_told_and_do_no_harm(route, logger, data,
     columns = route.read()
     assert any(says in x["why"] for x in events_of(columns, "refused"))
     assert columns.poses["headset/eye"].good.all()
-    assert not events_of(columns, "gap")
+    assert not lost(columns)
 
 
 @pytest.mark.parametrize(
