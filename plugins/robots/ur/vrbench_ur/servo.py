@@ -150,16 +150,16 @@ class Child:
                 os._exit(LEAVE_FAULT)
 
     def _packet(self) -> Any:
-        packet = self.reader.latest()
-        if packet is None:
-            raise FaultError("the controller has sent nothing yet")
+        """The newest packet; the first is waited for."""
+        deadline = time.monotonic() + self.told["timeout_s"]
+        while (packet := self.reader.latest()) is None:
+            if time.monotonic() > deadline:
+                raise FaultError("the controller has sent nothing yet")
+            time.sleep(0.005)
         self.reader.take()
         return packet
 
     def _q(self) -> Floats:
-        deadline = time.monotonic() + self.told["timeout_s"]
-        while self.reader.latest() is None and time.monotonic() < deadline:
-            time.sleep(0.005)
         return np.array(self._packet()["actual_q"], dtype=np.float64)
 
     def _check_state(self, *, idle: bool = False) -> Any:
