@@ -137,7 +137,7 @@ def told(run: Path) -> tuple[str, str, list[str]]:
     if not (run / "run.json").is_file():
         return "none", "-", []
     record, bad = json.loads((run / "run.json").read_text()), []
-    bundle = Bundle.open(run)
+    bundle = Bundle.begun(run)
     for take in bundle.record.takes:
         if take.status == "ok":
             columns = bundle.columns(take)
