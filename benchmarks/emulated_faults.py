@@ -12,7 +12,6 @@ real time: on a computer that others load the robot falls behind, and runs end b
 from __future__ import annotations
 
 import argparse
-import json
 import random
 import signal
 import sys
@@ -136,22 +135,20 @@ def told(run: Path) -> tuple[str, str, list[str]]:
     """What the record says of the run and of its takes, and what of that isn't so."""
     if not (run / "run.json").is_file():
         return "none", "-", []
-    record, bad = json.loads((run / "run.json").read_text()), []
-    bundle = Bundle.begun(run)
+    bundle, bad = Bundle.begun(run), []
     for take in bundle.record.takes:
         if take.status == "ok":
             columns = bundle.columns(take)
             if not all(map(len, columns.poses.values())):
                 bad.append(f"{take.file} has an empty stream")
-    parts = [path.name for path in (run / "takes").glob("*.part")]
-    for name in parts:
+    for path in (run / "takes").glob("*.part"):
         try:
-            read_take(run / "takes" / name)
+            read_take(path)
         except Exception as error:  # whatever comes is the finding
-            if (run / "takes" / name).stat().st_size > 4096:
-                bad.append(f"{name}: {error}")
-    statuses = [take["status"] for take in record["takes"]]
-    return record["status"], " ".join(statuses) or "none", bad
+            if path.stat().st_size > 4096:
+                bad.append(f"{path.name}: {error}")
+    statuses = [take.status for take in bundle.record.takes]
+    return bundle.record.status, " ".join(statuses) or "none", bad
 
 
 if __name__ == "__main__":
