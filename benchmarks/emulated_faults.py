@@ -1,6 +1,6 @@
 """Lets things go wrong at random moments on a rig of emulated devices, and goes on after.
 
-    python -m benchmarks.emulated_faults [--faults 24] [--seed 1]
+    python -m benchmarks.emulated_faults [--faults 24] [--kinds "Ctrl-C,kill -9"] [--seed 1]
 
 Every run is recorded as in a lab: a UR5e over RTDE, Motive over NatNet and a headset over a
 WebSocket, each a process of its own, and leave to move typed at a terminal. After every fault the
@@ -52,8 +52,13 @@ def main() -> int:
     """Prints a row for every fault; 1 where anything wasn't as it must be."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--faults", type=int, default=24)
+    parser.add_argument("--kinds", default=",".join(FAULTS), help="which, parted by commas")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
+    names = given.kinds.split(",")
+    unknown = set(names) - set(FAULTS)
+    if unknown:
+        parser.error(f"--kinds: no {', '.join(sorted(unknown))}; there are {', '.join(FAULTS)}")
     rng = random.Random(given.seed)
     wrong = 0
     print("| fault | after | shown last | exit | run | takes | at rest | resumed |")
@@ -61,7 +66,6 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as made:
         lab = Lab(Path(made))
         try:
-            names = list(FAULTS)
             for number in range(given.faults):
                 name, after = names[number % len(names)], rng.uniform(0.0, SPAN_S)
                 row, bad = one(lab, name, after, Path(made) / f"run-{number}")
@@ -101,10 +105,8 @@ def one(lab: Lab, name: str, after_s: float, run: Path) -> tuple[list[object], l
     if not done and status not in (expected, "complete"):
         bad.append(f"the run is {status}, not {expected}: {typed.shown[-1500:]}")
     resumed = "-"
+    lab.end_emulators()
     if status in ("incomplete", "failed"):
-        for emulator in (lab.headset, lab.motive):
-            emulator.kill()
-            emulator.wait()
         with lab.vrbench("record", run, "--resume") as again:
             resumed = str(again.end())
         finished, _, broken = told(run)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import pty
 import re
@@ -12,6 +13,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from vrbench.config.rig import load_rig
@@ -43,9 +45,9 @@ rank: {metric: ape.translation.aligned, point: eye, statistic: rmse, min_coverag
 RIG = """
 lab: emulated
 headset:
-  plugin: webxr
+  plugin: {route}
   device: quest-2
-  options: {{listen: "127.0.0.1:{page}", token: {token}, wait_s: 60, quiet: true}}
+  options: {{listen: "127.0.0.1:{page}", token: {token}, wait_s: 60, quiet: true{more}}}
 mocap:
   plugin: optitrack
   options: {{server: 127.0.0.1, interface: 127.0.0.1, body: headset, command_port: {motive}}}
@@ -54,7 +56,7 @@ robot:
   plugin: ur5e
   options:
     host: {host}
-    start: {{p_m: [0.694, 0.0068, 0.8427], yaw_deg: -57}}
+    start: {start}
     first_pass_percent: 100
     rate_hz: 125
     watchdog_hz: 0.2
@@ -65,6 +67,12 @@ robot:
   accuracy: {{value: 0.1 mm, source: emulated}}
 """
 
+# Where the arm can do `turns.tum`.
+START = "{p_m: [0.694, 0.0068, 0.8427], yaw_deg: -57}"
+# The options that a headset's route has of its own.
+ROUTES = {"webxr": "", "quest": ", adb: false"}
+PDEATHSIG = 1
+
 
 def free_port() -> int:
     with socket.socket() as found:
@@ -72,23 +80,36 @@ def free_port() -> int:
         return found.getsockname()[1]
 
 
+def ends_with_its_parent() -> None:
+    """For a child, before it begins: whatever ends its parent kills it, stopped or not (Linux)."""
+    ctypes.CDLL(None).prctl(PDEATHSIG, signal.SIGKILL)
+
+
 class Typed:
-    """A command at a terminal of its own; the robot is allowed to move whenever it is asked for.
+    """A command at a terminal of its own, and a person who does there what is asked for.
+
+    The robot is allowed to move whenever it is asked for.
+
+    Args:
+        words: of the command.
+        hands: told what a prompt wants done to the headset, before Enter is pressed.
 
     Attributes:
         shown: all that the terminal has shown so far.
         asked: how often leave to move was asked for.
     """
 
-    def __init__(self, *words: object) -> None:
+    def __init__(self, *words: object, hands: Callable[[str], None] = lambda _: None) -> None:
         self.terminal, other = pty.openpty()
         self.shown, self.asked = "", 0
+        self._hands, self._prompted = hands, 0
         self.process = subprocess.Popen(
             [sys.executable, "-m", "vrbench", *map(str, words)],
             stdin=other,
             stdout=other,
             stderr=other,
             start_new_session=True,
+            preexec_fn=ends_with_its_parent,
             env={**os.environ, "COLUMNS": "80"},
         )
         os.close(other)
@@ -108,6 +129,11 @@ class Typed:
             if len(questions) > self.asked:
                 self.asked = len(questions)
                 os.write(self.terminal, f"{questions[-1]}\n".encode())
+            prompts = re.findall(r"([^\n]*)\. Enter goes on ", self.shown)
+            if len(prompts) > self._prompted:
+                self._prompted = len(prompts)
+                self._hands(prompts[-1])
+                os.write(self.terminal, b"\n")
         return True
 
     def until(self, pattern: str) -> None:
@@ -118,9 +144,9 @@ class Typed:
             assert time.monotonic() < end, f"{pattern} never came:\n{self.shown[-3000:]}"
             assert self.read(0.1), f"it ended before {pattern} came:\n{self.shown[-3000:]}"
 
-    def end(self) -> int:
+    def end(self, patience_s: float = PATIENCE_S) -> int:
         """Goes on to the end; the exit code."""
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + patience_s
         while self.read(0.1):
             assert time.monotonic() < end, f"it doesn't end:\n{self.shown[-3000:]}"
         return self.process.wait(PATIENCE_S)
@@ -139,12 +165,17 @@ class Typed:
 class Lab:
     """Emulated devices, as a lab would run them, and what a lab writes.
 
+    Args:
+        folder: where it is written.
+        suite: that is run there, by its path; None for one as short as can be.
+        start: where the arm's motions begin, as YAML.
+
     Attributes:
         arm: the robot, told what to do by `tell`.
         hash: of the plans of the suite.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, suite: Path | None = None, start: str = START) -> None:
         from vrbench_ur.plan import start_posture
         from vrbench_ur.testing import Emulator
 
@@ -153,60 +184,107 @@ class Lab:
         shm = Path("/dev/shm")
         self._stage = (shm if shm.is_dir() else folder) / f"vrbench-test-{os.getpid()}"
         self.arm = Emulator("--stage", str(self._stage))
-        self._port, page = free_port(), free_port()
-        self._url = f"http://127.0.0.1:{page}/{TOKEN}/"
-        self.motive = self.headset = None
-        write_motion(
-            folder / "turns.tum",
-            Header(motion="turns", version=1, up="y", rate_hz=120, source="generated"),
-            saturating("turns", "All axes", SECONDS).trajectory,
-        )
-        self.suite, self.rig = folder / "suite.yaml", folder / "rig.yaml"
-        self.suite.write_text(SUITE)
-        told = RIG.format(page=page, token=TOKEN, motive=self._port, host=self.arm.host)
-        self.rig.write_text(told)
+        self._port, self._page = free_port(), free_port()
+        self.motive: subprocess.Popen | None = None
+        self.headset: subprocess.Popen | None = None
+        self._route = ""
+        write_turns(folder)
+        self.suite = suite or folder / "suite.yaml"
+        if suite is None:
+            self.suite.write_text(SUITE)
+        self.rigs = {}
+        for route, more in ROUTES.items():
+            told = {"route": route, "more": more, "token": TOKEN, "page": self._page}
+            told |= {"motive": self._port, "host": self.arm.host, "start": start}
+            self.rigs[route] = folder / f"{route}.yaml"
+            self.rigs[route].write_text(RIG.format(**told))
+        rig = str(self.rigs["webxr"])
         planned = plan_suite(
-            load_suite(str(self.suite)),
-            load_rig(str(self.rig)),
-            str(self.rig),
-            Plugins(),
-            lambda *_: None,
+            load_suite(str(self.suite)), load_rig(rig), rig, Plugins(), lambda *_: None
         )
         self.hash = planned.hash
-        (plan,) = planned.plans.values()
-        self.posture = start_posture(plan)
+        self.posture = start_posture(next(iter(planned.plans.values())))
 
-    def ready(self) -> None:
+    def ready(self, route: str = "webxr") -> None:
         """All emulators run, and the arm is near where the motion starts."""
         self.arm.tell("clear")
         self.arm.place(self.posture + 0.01)
-        stage = ("--stage", str(self._stage))
         if self.motive is None or self.motive.poll() is not None:
-            words = ("--command-port", str(self._port), "--data-port", "0", "--rate", "100", *stage)
+            words = ("--command-port", str(self._port), "--data-port", "0", "--rate", "100")
             self.motive = self._start("vrbench_optitrack.emulator", *words)
+        if self.headset is not None and route != self._route:
+            end(self.headset)
         if self.headset is None or self.headset.poll() is not None:
-            self.headset = self._start("vrbench_webxr.emulator", self._url, "--rate", "72", *stage)
+            self.headset, self._route = self._start(*self._headset(route)), route
+
+    def _headset(self, route: str) -> tuple[str, ...]:
+        """The emulator of a headset, and what it is told."""
+        words = ("--rate", "72", "--hands")
+        if route == "quest":
+            address = ("--port", str(self._page), "--token", TOKEN)
+            return ("vrbench_quest.emulator", *address, *words)
+        url = f"http://127.0.0.1:{self._page}/{TOKEN}/"
+        return ("vrbench_webxr.emulator", url, *words)
 
     def _start(self, module: str, *words: str) -> subprocess.Popen:
-        return subprocess.Popen([sys.executable, "-m", module, *words], stdout=subprocess.DEVNULL)
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *words, "--stage", str(self._stage)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            preexec_fn=ends_with_its_parent,
+        )
 
     @contextlib.contextmanager
-    def vrbench(self, verb: str, run: Path, *more: str):
+    def vrbench(self, verb: str, run: Path, *more: str, route: str = "webxr"):
         """`vrbench run` or `record` at a terminal."""
-        self.ready()
-        typed = Typed(verb, self.suite, "--rig", self.rig, "-o", run, "--execute", self.hash, *more)
+        self.ready(route)
+        rig = self.rigs[route]
+        words = (verb, self.suite, "--rig", rig, "-o", run, "--execute", self.hash)
+        typed = Typed(*words, *more, hands=self.hands)
         try:
             yield typed
         finally:
             typed.close()
 
+    def hands(self, prompt: str) -> None:
+        """Does to the headset what a prompt asks for."""
+        if "anew" in prompt:
+            line = "remount"
+        elif "Uncover all" in prompt:
+            line = "uncover"
+        elif "Cover all" in prompt:
+            line = "cover 1"
+        else:  # of four cameras
+            line = f"cover {len(re.findall(r'[0-9]+ [(]', prompt)) / 4:g}"
+        assert self.headset is not None and self.headset.stdin is not None
+        self.headset.stdin.write(f"{line}\n".encode())
+        self.headset.stdin.flush()
+
     def moving(self) -> bool:
         return self.arm.report()["moving"]
 
-    def close(self) -> None:
+    def end_emulators(self) -> None:
+        """Headset and motion capture end, whatever was done to them; `ready` starts others."""
         for process in (self.motive, self.headset):
             if process is not None:
-                process.kill()
-                process.wait()
+                end(process)
+
+    def close(self) -> None:
+        self.end_emulators()
         self.arm.close()
         self._stage.unlink(missing_ok=True)
+
+
+def write_turns(folder: Path) -> None:
+    """The motion of the shortest suite: about and along all axes."""
+    header = Header(motion="turns", version=1, up="y", rate_hz=120, source="generated")
+    turns = saturating("turns", "All axes", SECONDS).trajectory
+    write_motion(folder / "turns.tum", header, turns)
+
+
+def end(process: subprocess.Popen) -> None:
+    """Ends a process, a stopped one too."""
+    process.kill()
+    process.wait()
+    if process.stdin is not None:
+        process.stdin.close()

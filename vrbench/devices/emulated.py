@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import mmap
 import struct
+import sys
+import threading
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from vrbench.devices.ports import Tracking
+from vrbench.devices.simulated.covering import Covering
 from vrbench.devices.simulated.noise import correlated, rng_of
 from vrbench.devices.simulated.worlds import Y_UP
-from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat, slerp
+from vrbench.geometry import Bools, Ints, Transform, quat_multiply, rotvec_to_quat, slerp
 from vrbench.trajectory import NS
 
 # Rows the file holds, in a ring: sixteen seconds at 125 Hz.
@@ -124,12 +128,12 @@ SLIP_M, SLIP_RAD = 0.003, 0.008
 
 
 class EmulatedHead:
-    """What a headset on the emulated robot says of itself.
+    """What a headset on the emulated robot says of itself, and what hands do to it.
 
     Args:
         stage: where the robot carries it.
         mounting: nominal `T_tcp_eye`.
-        seed: of its fixing, its world and its errors.
+        seed: of its fixings, its world and its errors.
         tracking: how it errs; a second's white noise comes on top.
 
     Attributes:
@@ -144,9 +148,10 @@ class EmulatedHead:
         tracking: Tracking | None = None,
     ) -> None:
         self._stage, self._tracking = stage, tracking or Tracking()
-        rng = rng_of(seed, "fixing")
-        slip = rng.normal(size=3) * SLIP_M, rotvec_to_quat(rng.normal(size=3) * SLIP_RAD)
-        self.x = mounting @ Transform(*slip)
+        self._mounting, self._fixings = mounting, rng_of(seed, "fixing")
+        self._covering, self._relocalisations = Covering(), rng_of(seed, "relocalisation")
+        self._off = [np.zeros(3)]
+        self.remount()
         rng = rng_of(seed, "world")
         turn = rotvec_to_quat(np.array([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
         self._world = Transform(rng.normal(size=3) * 0.5, turn) @ Y_UP
@@ -159,15 +164,62 @@ class EmulatedHead:
             )
         ]
 
-    def eye(self, t: Ints) -> Transform:
-        """What it takes for its pose, `T_world_eye` (n,), at monotonic times (n,) [ns]."""
+    def eye(self, t: Ints) -> tuple[Transform, Bools]:
+        """What it takes for its pose, `T_world_eye` (n,), at monotonic times (n,) [ns], and whether
+        it knows its position then (n,).
+        """
         true = self._world[None] @ self._stage.at(t) @ self.x[None]
         seconds = t / NS
         slow_p, slow_r = (noise(seconds) for noise in self._slow)
         white = self._white.normal(size=(len(t), 6))
-        p = true.p + slow_p + white[:, :3] * self._tracking.position_jitter_m
-        turn = slow_r + white[:, 3:] * self._tracking.rotation_jitter_rad
-        return Transform(p, quat_multiply(true.q, rotvec_to_quat(turn)))
+        grown = 1.0 + self._tracking.occlusion_growth * self._covering.share(t)[:, None]
+        blind, times = self._covering.blind(t, self._tracking.relocalisation_s)
+        off = np.array(self._off)[np.minimum(times, len(self._off) - 1)]
+        p = true.p + off + grown * (slow_p + white[:, :3] * self._tracking.position_jitter_m)
+        turn = grown * (slow_r + white[:, 3:] * self._tracking.rotation_jitter_rad)
+        return Transform(p, quat_multiply(true.q, rotvec_to_quat(turn))), ~blind
+
+    def remount(self) -> None:
+        """It is fixed anew, a little otherwise."""
+        rng = self._fixings
+        slip = rng.normal(size=3) * SLIP_M, rotvec_to_quat(rng.normal(size=3) * SLIP_RAD)
+        self.x = self._mounting @ Transform(*slip)
+
+    def cover(self, share: float) -> None:
+        """Covers this share of its cameras from now on. After all of them it finds itself again in
+        a world that is a little off.
+        """
+        # for when it will: those who look see it only once the cameras are uncovered
+        self._off.append(self._relocalisations.normal(size=3) * self._tracking.relocalisation_m)
+        self._covering.cover(time.perf_counter_ns(), share)
+
+    def obey(self, line: str) -> None:
+        """Has done to it what a line says: `cover 0.5`, `uncover`, `remount`.
+
+        Raises:
+            ValueError: the line says something else.
+        """
+        match line.split():
+            case ["cover", share] if 0.0 <= float(share) <= 1.0:
+                self.cover(float(share))
+            case ["uncover"]:
+                self.cover(0.0)
+            case ["remount"]:
+                self.remount()
+            case _:
+                raise ValueError(f"{line.strip()!r}: there are cover SHARE, uncover, remount")
+
+    def listen(self, lines: Iterable[str]) -> None:
+        """Obeys lines as they come, in a thread of its own, until they end."""
+
+        def obey() -> None:
+            for line in lines:
+                try:
+                    self.obey(line)
+                except ValueError as error:
+                    sys.stderr.write(f"{error}\n")
+
+        threading.Thread(target=obey, name="hands", daemon=True).start()
 
 
 class EmulatedBody:

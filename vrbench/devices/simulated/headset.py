@@ -106,7 +106,7 @@ class SimulatedHeadset:
         self._next = 0
         self._go_on()
         self._worlds.recentre(self._started + np.array(self._options.recentre_s) * NS)
-        self._found = len(self._stage.found_again())
+        self._found = len(self._stage.covering.found_again())
         self._relocated = rng_of(seed, "relocalisation", take).normal(
             0.0, tracking.relocalisation_m, (MOST_LOST, 3)
         )
@@ -171,10 +171,9 @@ class SimulatedHeadset:
         late = np.clip(white[:, 6] * tracking.interval_jitter_s, -0.4 / rate, 0.4 / rate)
         since = (index + 0.5) / rate + late
         t = self._started + np.rint(since * NS).astype(np.int64)
-        covered = self._stage.covered(t)
-        pose = self._erring(self._seen(t), since, white, covered)
+        pose = self._erring(self._seen(t), since, white, self._stage.covering.share(t))
         lost = self._lost(since)
-        pose, blind = self._relocalised(pose, t, covered)
+        pose, blind = self._relocalised(pose, t)
         lost |= blind
         flags = np.where(lost, GOOD & ~int(Flag.POSITION_TRACKED), GOOD).astype(np.uint32)
         stamped, clocks = self._device_time(t), {}
@@ -219,12 +218,9 @@ class SimulatedHeadset:
         slips = hands.normal(0.0, options.handling_slip_m, (stage.handled, 3)).sum(axis=0)
         return Transform(sits.p + slips, sits.q)
 
-    def _relocalised(self, pose: Transform, t: Ints, covered: Floats) -> tuple[Transform, Bools]:
+    def _relocalised(self, pose: Transform, t: Ints) -> tuple[Transform, Bools]:
         """Poses (n,) in a map that is off where it was found again, and where it isn't found."""
-        found = self._stage.found_again()
-        times = np.searchsorted(found, t, side="right")
-        ago = t - np.concatenate(([t[0] - NS * 86_400] if len(t) else [0], found))[times]
-        blind = (covered == 1.0) | (ago < self._tracking.relocalisation_s * NS)
+        blind, times = self._stage.covering.blind(t, self._tracking.relocalisation_s)
         off = self._relocated[np.minimum(times - self._found, MOST_LOST - 1)]
         return Transform(pose.p + off, pose.q), blind
 

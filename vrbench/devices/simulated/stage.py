@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from vrbench.devices.ports import HostClock, Occlusion
-from vrbench.geometry import Floats, Ints, Transform
+from vrbench.devices.simulated.covering import Covering
+from vrbench.geometry import Ints, Transform
 from vrbench.trajectory import NS, Trajectory
 
 # Virtual time starts at a fixed instant, so that one seed gives one take, byte for byte.
@@ -41,14 +41,15 @@ class Stage:
         handled: how often hands have been at the headset in this mount.
         truth: what is true of the current take, by device, in JSON's types.
         recentred: when the headset was given a new origin, host clock [ns].
+        covering: of its cameras, on the host clock.
     """
 
     mount: int = 1
     handled: int = 0
     truth: dict[str, dict[str, Any]] = field(default_factory=dict)
     recentred: list[int] = field(default_factory=list)
+    covering: Covering = field(default_factory=Covering)
     _paths: list[tuple[Trajectory, Trajectory]] = field(default_factory=list)
-    _covered: list[tuple[int, float]] = field(default_factory=list)
 
     def move(self, path: Trajectory, felt: Trajectory | None = None) -> None:
         """The flange will follow `path`, `T_base_tcp` on the host clock, and rest after it.
@@ -65,22 +66,6 @@ class Stage:
     def encoders(self, t: Ints) -> Transform:
         """Where the robot's encoders feel the flange, `T_base_tcp` (m,)."""
         return self._at(t, 1)
-
-    def cover(self, t: int, share: float) -> None:
-        """From t [ns] on, this share of the headset's cameras is covered."""
-        self._covered.append((t, share))
-
-    def covered(self, t: Ints) -> Floats:
-        """The share of the headset's cameras that is covered (m,) at host times t (m,) [ns]."""
-        since = np.array([0, *(at for at, _ in self._covered)])
-        shares = np.array([0.0, *(share for _, share in self._covered)])
-        found: Floats = shares[np.searchsorted(since, t, side="right") - 1]
-        return found
-
-    def found_again(self) -> Ints:
-        """When cameras saw again after all had been covered (k,) [ns]."""
-        steps = pairwise([(0, 0.0), *self._covered])
-        return np.array([at for (_, a), (at, b) in steps if a == 1.0 != b], dtype=np.int64)
 
     def _at(self, t: Ints, which: int) -> Transform:
         if not self._paths:
@@ -106,7 +91,7 @@ class SimulatedOperator:
 
     def cover(self, occlusion: Occlusion) -> None:
         self._stage.handled += 1
-        self._stage.cover(self._host.now(), occlusion.share)
+        self._stage.covering.cover(self._host.now(), occlusion.share)
 
     def recentre(self) -> None:
         self._stage.recentred.append(self._host.now())

@@ -1,25 +1,36 @@
 """The Unity logger without a headset: the same datagrams and the same log, from its own process.
 
-python -m vrbench_quest.emulator --host 127.0.0.1 --port 9750 --token 0123456789abcdef
+    python -m vrbench_quest.emulator --host 127.0.0.1 --port 9750 --token 0123456789abcdef
+
+With `--stage` it rides on an emulated robot. With `--hands` besides, what is done to it by hand
+comes on standard input, a line each: `cover 0.5` (a share of its cameras), `uncover`, `remount`.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import os
 import secrets
 import socket
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from vrbench.geometry import Floats, rotvec_to_quat
+from vrbench.config.rig import Mounting
+from vrbench.devices.emulated import EmulatedHead, StageReader
+from vrbench.geometry import UNITY, Floats, rotvec_to_quat
+from vrbench.streams import GOOD, Flag
 from vrbench_quest import wire
 from vrbench_quest.vrbench_log import COLUMNS, FIRST
 
 GREET_S = 1.0
+# How often it looks where the robot has carried it meanwhile [s].
+RIDE_S = 0.03
 
 
 class Logger:
@@ -65,8 +76,13 @@ class Logger:
         self._send(wire.EVENT, self._token, body)
         self._log.append(f"# event {self.now_ns()} {kind} {detail}")
 
-    def step(self, p: Floats, q: Floats) -> None:
-        """Answers what has come, and samples one frame: Unity's position and rotation."""
+    def step(
+        self, p: Floats, q: Floats, *, at_ns: int | None = None, flags: int | None = None
+    ) -> None:
+        """Answers what has come, and samples one frame: Unity's position and rotation.
+
+        One that was made a moment ago says `at_ns`, when by its clock; `flags` are its own then.
+        """
         self.listen()
         if time.monotonic() - self._greeted > GREET_S:
             self._greeted = time.monotonic()
@@ -76,8 +92,9 @@ class Logger:
         self._frame += 1
         samples = np.zeros(2, wire.POSE)
         for moment, sample in enumerate(samples):
-            sample["time_ns"], sample["moment"] = self.now_ns(), moment
-            sample["flags"], sample["present"], sample["epoch"] = self.flags, 1, self.epoch
+            sample["time_ns"] = self.now_ns() if at_ns is None else at_ns
+            sample["moment"], sample["present"], sample["epoch"] = moment, 1, self.epoch
+            sample["flags"] = self.flags if flags is None else flags
             sample["p"], sample["q"] = p, q
             sample["v"], sample["w"] = np.nan, np.nan
             self._log.append(_line(self._frame, sample))
@@ -88,6 +105,12 @@ class Logger:
             body = wire.BATCH.pack(self._number, len(samples)) + samples.tobytes()
             self._send(wire.POSES, self._take_token, body)
         self._number += len(samples)
+
+    def answer(self, until_ns: int) -> None:
+        """Listens until then [ns]: between frames too, as the app's own thread does."""
+        while (left := until_ns - time.perf_counter_ns()) > 0:
+            self.listen()
+            time.sleep(min(left / 1e9, 0.002))
 
     def listen(self) -> None:
         """Answers pings and obeys commands that have come."""
@@ -171,9 +194,25 @@ def play(logger: Logger, rate_hz: float, going_on: Callable[[], bool]) -> None:
     while going_on():
         logger.step(*sway(due - begin))
         due += 1.0 / rate_hz
-        while (left := due - time.perf_counter()) > 0:
-            logger.listen()  # pings are answered between frames, as the app's own thread does
-            time.sleep(min(left, 0.002))
+        logger.answer(round(1e9 * due))
+
+
+def ride(logger: Logger, head: EmulatedHead, rate_hz: float, going_on: Callable[[], bool]) -> None:
+    """Makes frames at a rate of a head that an emulated robot carries, while `going_on()`."""
+    period = round(1e9 / rate_hz)
+    due = time.perf_counter_ns()
+    while going_on():
+        now = time.perf_counter_ns()
+        # where the robot was a second ago is forgotten soon: frames are left out instead
+        frames = np.arange(max(due, now - round(1e9)), now, period)
+        if len(frames):
+            pose, known = head.eye(frames)
+            shown = UNITY.from_openxr(pose)
+            flags = np.where(known, GOOD, GOOD & ~Flag.POSITION_TRACKED).tolist()
+            for t, p, q, flag in zip(frames.tolist(), shown.p, shown.q, flags, strict=True):
+                logger.step(p, q, at_ns=t + logger.shift_ns, flags=flag)
+            due = int(frames[-1]) + period
+        logger.answer(now + round(1e9 * RIDE_S))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -185,11 +224,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rate", type=float, default=72.0, help="frames a second")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--folder", type=Path, help="where logs are written")
+    parser.add_argument(
+        "--stage", type=Path, help="an emulated robot's file: the headset rides on it"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of how it rides there, and errs")
+    parser.add_argument("--hands", action="store_true", help="obey lines of standard input")
     options = parser.parse_args(arguments)
+    if options.hands and options.stage is None:
+        parser.error("--hands: hands are laid on a headset that a robot carries; add --stage")
     logger = Logger(options.host, options.port, options.token, folder=options.folder)
     end = time.monotonic() + options.seconds
+
+    def going_on() -> bool:
+        return time.monotonic() < end
+
     try:
-        play(logger, options.rate, lambda: time.monotonic() < end)
+        if options.stage is None:
+            play(logger, options.rate, going_on)
+        else:
+            stage = StageReader(options.stage)
+            # late frames are for those who ask for them
+            with contextlib.suppress(OSError):
+                os.nice(-10)
+            head = EmulatedHead(stage, Mounting().tcp_eye.transform(), options.seed)
+            if options.hands:
+                head.listen(sys.stdin)
+            ride(logger, head, options.rate, going_on)
     except KeyboardInterrupt:
         pass
     finally:

@@ -2,7 +2,9 @@
 
     python -m vrbench_webxr.emulator http://localhost:8765/TOKEN/
 
-For trying a rig without a headset, and for tests, which set its clock and its poses at will.
+For trying a rig without a headset, and for tests, which set its clock and its poses at will. With
+`--stage` it rides on an emulated robot. With `--hands` besides, what is done to it by hand comes on
+standard input, a line each: `cover 0.5` (a share of its cameras), `uncover`, `remount`.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import os
 import secrets
 import ssl
 import struct
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -26,9 +29,11 @@ import numpy as np
 from vrbench.config.rig import Mounting
 from vrbench.devices.emulated import EmulatedHead, StageReader
 from vrbench.geometry import Floats, rotvec_to_quat
+from vrbench.streams import GOOD, Flag
 from vrbench_webxr import protocol
 
-TRACKED = 15.0
+TRACKED = float(GOOD)
+UNPLACED = float(GOOD & ~Flag.POSITION_TRACKED)
 # How long a page that isn't served waits before it tries again [s].
 AGAIN_S = 0.5
 # How often it looks where the robot has carried it meanwhile [s].
@@ -237,9 +242,10 @@ def ride(page: FakePage, head: EmulatedHead, rate_hz: float, going_on: Callable[
         # where the robot was a second ago is forgotten soon: frames are left out instead
         frames = np.arange(max(due, now - round(1e9)), now, period)
         if len(frames):
-            pose = head.eye(frames)
-            for t, p, q in zip(frames.tolist(), pose.p, pose.q, strict=True):
-                page.frame(p, q, at_ms=t / 1e6 + page.shift_ms)
+            pose, known = head.eye(frames)
+            flags = np.where(known, TRACKED, UNPLACED).tolist()
+            for t, p, q, flag in zip(frames.tolist(), pose.p, pose.q, flags, strict=True):
+                page.frame(p, q, flags=flag, at_ms=t / 1e6 + page.shift_ms)
             due = int(frames[-1]) + period
 
 
@@ -253,7 +259,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--stage", type=Path, help="an emulated robot's file: the headset rides on it"
     )
     parser.add_argument("--seed", type=int, default=1, help="of how it rides there, and errs")
+    parser.add_argument("--hands", action="store_true", help="obey lines of standard input")
     options = parser.parse_args(arguments)
+    if options.hands and options.stage is None:
+        parser.error("--hands: hands are laid on a headset that a robot carries; add --stage")
     connecting: dict[str, Any] = {}
     if options.url.startswith("https"):
         connecting["ssl"] = ssl._create_unverified_context()  # its own certificate
@@ -275,6 +284,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with contextlib.suppress(OSError):
             os.nice(-10)
         head = EmulatedHead(stage, Mounting().tcp_eye.transform(), options.seed)
+        if options.hands:
+            head.listen(sys.stdin)
         while going_on():
             # as a page does that somebody left open, it comes back whenever it is served
             with contextlib.suppress(OSError), FakePage(options.url, **connecting) as page:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from vrbench_ur import servo
 from vrbench_ur.arms import ARMS, UR5E
 from vrbench_ur.control import Control
 from vrbench_ur.plan import start_posture
@@ -375,6 +376,53 @@ def test_a_command_that_leaps_is_cut_and_is_a_fault(emulator):
             for _ in control.servo(leap):
                 pass
     wait_until(lambda: not emulator.report()["moving"])
+
+
+class LateClock:
+    """Time for a loop that sleeps: each fifth time it is woken 1.9 ms too late."""
+
+    def __init__(self):
+        self._now, self._slept = 0.0, 0
+
+    def monotonic(self):
+        return self._now
+
+    def time_ns(self):
+        return round(self._now * 1e9)
+
+    def sleep(self, seconds):
+        self._slept += 1
+        self._now += seconds + (0.0019 if self._slept % 5 == 0 else 0.0)
+
+
+def test_a_loop_that_is_late_now_and_then_replays_a_quick_path(monkeypatch):
+    """The path goes on by what the loop was late, and that is no leap."""
+    sent = []
+
+    class Taking:
+        def servoJ(self, goal, *_):  # noqa: N802 - as ur-rtde has it
+            sent.append(goal)
+            return True
+
+        def servoStop(self, _):  # noqa: N802
+            return True
+
+    monkeypatch.setattr(servo, "time", LateClock())
+    told = {"arm": "ur5e", "lookahead_s": 0.05, "gain": 300.0, "max_error_rad": 9.0, "behind_s": 9}
+    child = servo.Child(told)
+    child.control = Taking()
+    for name in ("_poll", "_guard"):
+        monkeypatch.setattr(child, name, lambda: None)
+    monkeypatch.setattr(child, "_q", lambda: np.zeros(6))
+    monkeypatch.setattr(
+        child, "_check_state", lambda: {"actual_q": np.array(sent[-1:] or [[0.0] * 6])[0]}
+    )
+    knots = np.concatenate((np.zeros(6), np.full(6, 0.5)))
+    straight = JointPath(knots, np.linspace(0.0, 0.45, 6)[:, None] * UR5E.speed)
+    child._servo(straight, 1.0, 0.0)
+    np.testing.assert_allclose(sent[-1], 0.45 * np.asarray(UR5E.speed), atol=1e-9)
+    # 90 % of what the joints can do, and never as far as their limit lets them in two periods
+    assert 0.9 < np.max(np.diff(sent, axis=0) / (np.asarray(UR5E.speed) * servo.PERIOD_S)) < 2.0
 
 
 def test_the_clamp_keeps_what_the_limits_allow():

@@ -239,6 +239,7 @@ class Child:
         periods: list[float] = []
         begin = previous = time.monotonic()
         at = slip = 0.0
+        step = PERIOD_S
         reported = -1.0
         say(event="begin", t=time.time_ns())
         while at < duration + SETTLE_S:
@@ -248,9 +249,7 @@ class Child:
             place = min(ahead / PERIOD_S, len(table) - 1.0)
             k = min(int(place), len(table) - 2)
             goal = table[k] + (place - k) * (table[k + 1] - table[k])
-            now = time.monotonic()
-            step = max(now - previous, PERIOD_S)
-            goal, cut = clamp(goal, last, self.arm.speed, min(step, 2 * PERIOD_S))
+            goal, cut = clamp(goal, last, self.arm.speed, step)
             if cut:
                 raise FaultError(f"a command at {at:.3f} s is too far from the one before")
             if not control.servoJ(goal.tolist(), 0.0, 0.0, PERIOD_S, *follow):
@@ -270,7 +269,9 @@ class Child:
                 now = time.monotonic()
             periods.append(now - previous)
             slip += max(0.0, now - previous - 2 * PERIOD_S)
-            at += min(now - previous, 2 * PERIOD_S)
+            # after a loop that was late the path is farther on, and so is the next command
+            step = min(now - previous, 2 * PERIOD_S)
+            at += step
             previous = now
             if slip > told["behind_s"]:
                 raise FaultError(f"this computer is too busy: the replay is {slip:.2f} s behind")
