@@ -23,6 +23,7 @@ from vrbench.results.plot_curves import take_curves
 from vrbench.results.plot_data import TakeCurves, bins_for, curves_file, write_curves
 from vrbench.results.tables import STATUSES, Member, Row, pool, write_rows
 from vrbench.scoring.baseline import baseline_rows
+from vrbench.scoring.by_takes import by_takes
 from vrbench.scoring.cases import Scored, score, unscored_take, with_interval
 from vrbench.scoring.crosscheck import crosscheck_rows
 from vrbench.scoring.loops import loop_rows
@@ -215,17 +216,22 @@ def _pooled(rules: Rules, group: Sequence[Scored]) -> list[Row]:
     }
     rows = [row for one in group for row in one.rows if row.segment == "all"]
     pooled = pool(rows, ("mount", "repeat"), members)
-    if not pooled or not all(one.models for one in group):
+    if not pooled:
         return pooled
     of = group[0].take.case, group[0].take.condition
-    found = rules.stages.kept(
-        "pool",
-        lambda: intervals(
-            [one.models for one in group],
-            [one.x_covariance for one in group],
-            [(rules.record.sitting, str(one.take.mount)) for one in group],
-            rules.rng(*of),
-        ),
-        *(rules.reference, *of),
-    )
-    return [with_interval(row, found) for row in pooled]
+    sitting, found = rules.record.sitting, {}
+    if all(one.models for one in group):
+        found = rules.stages.kept(
+            "pool",
+            lambda: intervals(
+                [one.models for one in group],
+                [one.x_covariance for one in group],
+                [(sitting, str(one.take.mount)) for one in group],
+                rules.rng(*of),
+            ),
+            *(rules.reference, *of),
+        )
+        pooled = [with_interval(row, found) for row in pooled]
+    places = {member: (sitting, member[0]) for member in members}
+    modelled = {(metric, point) for metric, point, _ in found}
+    return by_takes(pooled, rows, places, modelled, rules.rng(*of, "takes"))

@@ -67,6 +67,9 @@ robot:
   accuracy: {{value: 0.1 mm, source: emulated}}
 """
 
+# What the terminal asks for: leave to move by a plan, or something done to the headset.
+PROMPT = re.compile(r"Type ([0-9a-f]{12}) to let it move|([^\n]{0,200})\. Enter goes on ")
+TAIL = 4000
 # Where the arm can do `turns.tum`.
 START = "{p_m: [0.694, 0.0068, 0.8427], yaw_deg: -57}"
 # The options that a headset's route has of its own.
@@ -102,7 +105,7 @@ class Typed:
     def __init__(self, *words: object, hands: Callable[[str], None] = lambda _: None) -> None:
         self.terminal, other = pty.openpty()
         self.shown, self.asked = "", 0
-        self._hands, self._prompted = hands, 0
+        self._hands, self._answered = hands, 0
         self.process = subprocess.Popen(
             [sys.executable, "-m", "vrbench", *map(str, words)],
             stdin=other,
@@ -125,16 +128,20 @@ class Typed:
             if not data:
                 return False
             self.shown += data.decode(errors="replace")
-            questions = re.findall(r"Type ([0-9a-f]{12}) to let it move", self.shown)
-            if len(questions) > self.asked:
-                self.asked = len(questions)
-                os.write(self.terminal, f"{questions[-1]}\n".encode())
-            prompts = re.findall(r"([^\n]*)\. Enter goes on ", self.shown)
-            if len(prompts) > self._prompted:
-                self._prompted = len(prompts)
-                self._hands(prompts[-1])
-                os.write(self.terminal, b"\n")
+            self._answer()
         return True
+
+    def _answer(self) -> None:
+        """Does what the terminal asks for, once."""
+        tail = self.shown[max(self._answered, len(self.shown) - TAIL) :]
+        for found in PROMPT.finditer(tail):
+            self._answered = len(self.shown)
+            plan, wanted = found.groups()
+            if plan is not None:
+                self.asked += 1
+            else:
+                self._hands(wanted)
+            os.write(self.terminal, f"{plan or ''}\n".encode())
 
     def until(self, pattern: str) -> None:
         """Goes on until the terminal shows something."""
@@ -235,11 +242,18 @@ class Lab:
         )
 
     @contextlib.contextmanager
-    def vrbench(self, verb: str, run: Path, *more: str, route: str = "webxr"):
-        """`vrbench run` or `record` at a terminal."""
+    def vrbench(
+        self,
+        verb: str,
+        run: Path,
+        *more: str,
+        route: str = "webxr",
+        suite: Path | None = None,
+    ):
+        """`vrbench run` or `record` at a terminal; another suite has the same motions."""
         self.ready(route)
         rig = self.rigs[route]
-        words = (verb, self.suite, "--rig", rig, "-o", run, "--execute", self.hash)
+        words = (verb, suite or self.suite, "--rig", rig, "-o", run, "--execute", self.hash)
         typed = Typed(*words, *more, hands=self.hands)
         try:
             yield typed

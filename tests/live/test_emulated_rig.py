@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from tests.live.lab import SUITE
 from vrbench.config.rig import Mounting
 from vrbench.devices.emulated import EmulatedHead
 from vrbench.recording.take import read_take
@@ -183,3 +184,28 @@ def test_killed_in_mid_run_the_arm_stops_and_resume_asks_and_finishes(
     record = record_of(run)
     assert record["status"] == "complete"
     assert [take["file"] for take in record["takes"]] == [f"takes/{s}.mcap" for s in STEPS]
+
+
+# -- a headset over UDP
+
+
+def test_a_calibration_with_a_headset_over_udp_is_recorded_and_scored(lab, tmp_path, record_of):
+    run, suite = tmp_path / "run", lab.folder / "calibration.yaml"
+    scored = [line for line in SUITE.splitlines() if "id: replay" not in line]
+    suite.write_text("\n".join(scored).replace("calibration}\n", "calibration, needs: [x, y]}\n"))
+    with lab.vrbench("run", run, route="quest", suite=suite) as typed:
+        assert typed.end() == 0, typed.shown[-3000:]
+    record = record_of(run)
+    assert (record["status"], record["device"]["logger"]) == ("complete", "quest")
+    for take in record["takes"]:
+        columns = read_take(run / take["file"])
+        assert columns.poses["headset/eye"].trajectory().duration_s > 15.0
+        assert len(columns.clocks["headset"]) > 50  # its clock was asked, ten times a second
+    rows = read_rows(run / "metrics" / "vrbench-1.csv")
+    rows = [r for r in rows if (r.metric, r.point) == ("ape.translation.aligned", "eye")]
+    rows = [r for r in rows if (r.statistic, r.variant, r.band) == ("rmse", "main", "all")]
+    assert {(r.reference, r.repeat) for r in rows if r.status == "ok"} >= {
+        (reference, repeat) for reference in ("robot", "mocap") for repeat in ("1", "2")
+    }
+    if late_ms(run) < LATE_MS:
+        assert all(0.3 < r.value < 6.0 for r in rows)

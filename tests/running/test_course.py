@@ -45,6 +45,11 @@ class Hands:
         assert not self.arm.moving
         self.done.append(f"cover {occlusion.level}")
 
+    def allow(self) -> None:
+        """Leave to move takes somebody half a minute to give."""
+        self.done.append("allow")
+        self.arm.host.wait(30.0)
+
     def recentre(self) -> None:
         self.done.append("recentre")
 
@@ -127,11 +132,13 @@ def test_hands_are_at_the_headset_only_between_runs():
     ]
     take = Take(loops=2, events=events).run()
     assert take.arm.did == [
-        *("run opening", "back to head", "cover all", "run head", "cover none"),
+        *("run opening", "back to head", "cover all", "allow", "run head", "cover none", "allow"),
         *("back to head", "run head", "recentre"),
     ]
     covered = [e.detail for e in take.events if e.kind == "occlusion"]
     assert covered == [{"level": "all", "cameras": [0, 1]}, {"level": "none", "cameras": []}]
+    # when it was done, not when leave to move was given, half a minute later
+    assert [(e.t - take.began) / NS for e in take.events if e.kind == "occlusion"] == [12.0, 52.0]
 
 
 def test_a_recentre_at_a_time_comes_while_it_moves():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from vrbench.metrics.compared import MM, fit_poses, under
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent, summarise
+from vrbench.streams import Event
 from vrbench.trajectory import NS
 
 UNITS = {"recovery.time": "s", "recovery.found": "s", "recovery.offset": "mm"}
@@ -73,8 +75,10 @@ def recovery(
 def of_take(take: ScoredTake) -> Iterator[Value]:
     """Times and offsets over all losses; the longest time is unknown if one never recovers.
 
-    Times run from the loss; where cameras were covered, from when they were uncovered. `found` is
-    until there are poses again, `time` until they are right.
+    In takes in which hands covered cameras only the losses that they made count: others come by
+    chance, are short, and would make a headset that has many of them look good. Times run from the
+    uncovering, otherwise from the loss. `found` is until there are poses again, `time` until they
+    are right.
     """
     try:
         times, found, offsets = _all(take)
@@ -96,25 +100,58 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
 def _all(take: ScoredTake) -> tuple[list[float | None], list[float], list[float]]:
     """Times to be right (None: never) and to be found [s], and offsets [m], of each loss."""
     good_t = np.unique(take.samples.pose_t[take.samples.good])
-    found = losses(good_t)
-    covers = [event.t for event in take.events() if event.kind == "occlusion"]
-    if not found:
+    every = losses(good_t)
+    if not every:
         raise EstimationError("tracking was never lost")
+    hidden = coverings(take.events())
+    found = of_coverings(every, hidden) if hidden else [(*loss, loss[0]) for loss in every]
+    if not found:
+        raise EstimationError("tracking wasn't lost while cameras were covered")
     eye = next(under(take, Transform.identity()))
-    untils = [lost for lost, _ in found[1:]] + [int(good_t[-1])]
     times: list[float | None] = []
     blind: list[float] = []
     offsets: list[float] = []
-    for (lost, back), until in zip(found, untils, strict=True):
+    for lost, back, since in found:
+        until = min((t for t, _ in every if t >= back), default=int(good_t[-1]))
         time, offset = recovery(take.estimate.t, eye.truth, eye.estimate, lost, back, until)
         if offset is not None:
-            covered = (max([lost, *(t for t in covers if lost < t < back)]) - lost) / NS
-            times.append(None if time is None else time - covered)
-            blind.append((back - lost) / NS - covered)
+            after = (since - lost) / NS
+            times.append(None if time is None else max(0.0, time - after))
+            blind.append(max(0.0, (back - since) / NS))
             offsets.append(offset)
     if not offsets:
         raise EstimationError("there is no reference beside the losses of tracking")
     return times, blind, offsets
+
+
+def coverings(events: Iterable[Event]) -> list[tuple[int, int]]:
+    """From when to when hands had more cameras covered than after it [ns], each within a take."""
+    steps = sorted((e for e in events if e.kind == "occlusion"), key=lambda e: e.t)
+    return [(a.t, b.t) for a, b in pairwise(steps) if _covers(a) > _covers(b)]
+
+
+def _covers(event: Event) -> tuple[bool, int]:
+    """How much an event covers, for comparing: a model's cameras may not be known."""
+    return event.detail.get("level") == "all", len(event.detail.get("cameras", ()))
+
+
+def of_coverings(
+    every: Sequence[tuple[int, int]], hidden: Sequence[tuple[int, int]]
+) -> list[tuple[int, int, int]]:
+    """The losses that coverings made: from the last good stamp before to the first good one after.
+
+    A headset goes on for a moment by what else it feels, and may find itself again before somebody
+    has said that it is uncovered; what it finds while it is covered it loses again.
+
+    Returns:
+        last stamp before and first stamp after each, and when it was uncovered [ns].
+    """
+    found = []
+    for covered, uncovered in hidden:
+        within = [(lost, back) for lost, back in every if lost < uncovered and back > covered]
+        if within:
+            found.append((within[0][0], within[-1][1], uncovered))
+    return found
 
 
 FAMILY = Family(

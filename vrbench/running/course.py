@@ -52,7 +52,11 @@ class Diary:
 
     def note(self, kind: str, **detail: Any) -> None:
         """Notes what happens now."""
-        self._new.append(Event(self._host.now(), kind, detail))
+        self.note_at(self._host.now(), kind, **detail)
+
+    def note_at(self, t: int, kind: str, **detail: Any) -> None:
+        """Notes what has just happened, at a time [ns] by the recorder's clock."""
+        self._new.append(Event(t, kind, detail))
 
     @contextmanager
     def stretch(self, kind: str, **detail: Any) -> Iterator[None]:
@@ -63,9 +67,15 @@ class Diary:
 
 
 class Hands(Protocol):
-    """Who covers cameras and recentres within a take; while they do, no plan may be run."""
+    """Who covers cameras and recentres within a take."""
 
-    def cover(self, occlusion: Occlusion) -> None: ...
+    def cover(self, occlusion: Occlusion) -> None:
+        """Has cameras covered; no plan may be run from now on."""
+        ...
+
+    def allow(self) -> None:
+        """Has it allowed again that plans are run: hands are off the headset."""
+        ...
 
     def recentre(self) -> None: ...
 
@@ -165,21 +175,29 @@ class Course:
             if cue.after != runs:
                 continue
             if cue.do == "recentre":
-                yield from self._awaited(self._hands.recentre, done)
-                self._diary.note("cue", do="recentre")
+                when = yield from self._awaited(self._hands.recentre, done)
+                self._diary.note_at(when, "cue", do="recentre")
                 continue
             level = self._case.occlude if cue.level is None else cue.level
             occlusion = self._occlusion(level)
-            yield from self._awaited(lambda: self._hands.cover(occlusion), done)  # noqa: B023
-            self._diary.note("occlusion", **told(occlusion))
+            when = yield from self._awaited(lambda: self._hands.cover(occlusion), done)  # noqa: B023
+            # not when leave is given: by then a headset may have found itself long ago
+            self._diary.note_at(when, "occlusion", **told(occlusion))
+            yield from self._awaited(self._hands.allow, done)
 
-    def _awaited(self, act: Callable[[], None], done: float) -> Generator[float]:
-        """A person takes their time: meanwhile sources are read on."""
+    def _awaited(self, act: Callable[[], None], done: float) -> Generator[float, None, int]:
+        """A person takes their time: meanwhile sources are read on.
+
+        Returns:
+            when they said that it is done [ns].
+        """
         trouble: list[BaseException] = []
+        when = [self._host.now()]
 
         def attempt() -> None:
             try:
                 act()
+                when.append(self._host.now())
             except BaseException as error:
                 trouble.append(error)
 
@@ -191,6 +209,7 @@ class Course:
             thread.join(LOOK_S)
         if trouble:
             raise trouble[0]
+        return when[-1]
 
 
 def told(occlusion: Occlusion) -> dict[str, Any]:

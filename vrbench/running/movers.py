@@ -99,6 +99,7 @@ class RobotMover:
             self.begin()
         if case.occlude != self._level:
             self.cover(self._occlusion(case.occlude))
+            self.allow()
         motion = self._motions[case.motion]
         plan = self._robot.plan(at_speed(motion, case.speed))
         opening = None
@@ -135,6 +136,9 @@ class RobotMover:
         self._session.permit.revoke()
         self._operator.cover(occlusion)
         self._level = occlusion.level
+
+    def allow(self) -> None:
+        """Asks for leave to move again; raises as `cover`."""
         self.begin()
 
     def recentre(self) -> None:
