@@ -83,6 +83,16 @@ def free_port() -> int:
         return found.getsockname()[1]
 
 
+def taken(port: int) -> bool:
+    """Whether something listens there by UDP."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return True
+    return False
+
+
 def ends_with_its_parent() -> None:
     """For a child, before it begins: whatever ends its parent kills it, stopped or not (Linux)."""
     ctypes.CDLL(None).prctl(PDEATHSIG, signal.SIGKILL)
@@ -219,6 +229,11 @@ class Lab:
         if self.motive is None or self.motive.poll() is not None:
             words = ("--command-port", str(self._port), "--data-port", "0", "--rate", "100")
             self.motive = self._start("vrbench_optitrack.emulator", *words)
+            # vrbench asks Motive once, and a busy computer takes seconds to start an emulator
+            until = time.monotonic() + PATIENCE_S
+            while not taken(self._port):
+                assert time.monotonic() < until, "the emulated Motive doesn't listen"
+                time.sleep(0.1)
         if self.headset is not None and route != self._route:
             end(self.headset)
         if self.headset is None or self.headset.poll() is not None:
