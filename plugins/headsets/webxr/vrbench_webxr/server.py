@@ -14,7 +14,6 @@ import ssl
 import threading
 from http import HTTPStatus
 from importlib.resources import files
-from types import TracebackType
 from typing import Any, Self
 from urllib.parse import urlsplit
 
@@ -124,12 +123,7 @@ class Server:
             ) from ready[0]
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         loop, stop, thread = self._loop, self._stop, self._thread
         if loop is not None and stop is not None and thread is not None:
             with contextlib.suppress(RuntimeError):  # it ended by itself
