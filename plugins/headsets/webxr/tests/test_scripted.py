@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from vrbench_webxr import protocol
+from vrbench_webxr.door import HEADERS
 from vrbench_webxr.emulator import FakePage, batch, play, sway
 from vrbench_webxr.protocol import ProtocolError, parse_batch, parse_text
-from vrbench_webxr.server import HEADERS
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
