@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Generator
 
 import numpy as np
+import pytest
 
 from vrbench.config.suite import Suite
 from vrbench.devices.permit import Permit
 from vrbench.devices.ports import HeadsetProfile, Plan, Session
 from vrbench.devices.simulated.stage import VirtualClock
+from vrbench.errors import DeviceError
 from vrbench.geometry import Transform
 from vrbench.running.movers import RobotMover
 from vrbench.trajectory import NS, Trajectory
@@ -39,30 +43,55 @@ class CarefulArm:
         yield 1.0
 
 
+SUITE = Suite.model_validate(
+    {
+        "suite": "looped",
+        "version": 1,
+        "title": "Loops",
+        "motions": {"head": "saturate-30s-1", "opening": "shooter-1"},
+        "cases": [{"id": "loop", "motion": "head", "duration": 600.0}],
+        "metrics": ["ape"],
+        "rank": {
+            "metric": "ape.translation.aligned",
+            "point": "eye",
+            "statistic": "rmse",
+            "min_coverage": 0.95,
+        },
+    }
+)
+
+
+def mover_of(arm: CarefulArm) -> RobotMover:
+    still = Transform(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+    session = Session(arm.host, still, 1, None, Permit())
+    return RobotMover(SUITE, arm, session, HeadsetProfile(72.0), None, None)
+
+
+class InterruptedArm(CarefulArm):
+    """A robot whose own process Ctrl-C reaches first, on the way to where a motion begins."""
+
+    def __init__(self, host: VirtualClock, *, pressed: bool) -> None:
+        super().__init__(host)
+        self.pressed = pressed
+
+    def prepare(self, plan: Plan) -> Generator[float]:
+        yield 0.0
+        if self.pressed:
+            os.kill(os.getpid(), signal.SIGINT)
+        raise DeviceError("the motion was stopped")
+
+
+@pytest.mark.parametrize(("pressed", "told"), [(True, KeyboardInterrupt), (False, DeviceError)])
+def test_a_way_that_ctrl_c_ended_is_no_fault_of_the_robot(pressed, told):
+    (step,) = SUITE.schedule()
+    with pytest.raises(told):
+        mover_of(InterruptedArm(VirtualClock(), pressed=pressed)).ready(step)
+
+
 def test_no_slow_first_pass_falls_into_a_looped_take():
-    suite = Suite.model_validate(
-        {
-            "suite": "looped",
-            "version": 1,
-            "title": "Loops",
-            "motions": {"head": "saturate-30s-1", "opening": "shooter-1"},
-            "cases": [{"id": "loop", "motion": "head", "duration": 600.0}],
-            "metrics": ["ape"],
-            "rank": {
-                "metric": "ape.translation.aligned",
-                "point": "eye",
-                "statistic": "rmse",
-                "min_coverage": 0.95,
-            },
-        }
-    )
-    host = VirtualClock()
-    session = Session(
-        host, Transform(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])), 1, None, Permit()
-    )
-    arm = CarefulArm(host)
-    mover = RobotMover(suite, arm, session, HeadsetProfile(72.0), None, None)
-    (step,) = suite.schedule()
+    arm = CarefulArm(VirtualClock())
+    mover = mover_of(arm)
+    (step,) = SUITE.schedule()
     movement = mover.ready(step)
     assert len(arm.passed) == 2
     movement.diary.start(step.name)

@@ -50,6 +50,7 @@ def show(suite: str) -> None:
 @click.argument("suite")
 def check(suite: str) -> None:
     """Say whether SUITE, a file or a name, can be run: its fields, motions and metrics."""
+    from vrbench.config.ranking import never_ranked
     from vrbench.config.suite import load_suite
     from vrbench.plugin.manager import Plugins, families_of
     from vrbench.running.feasibility import check_feasible
@@ -62,6 +63,8 @@ def check(suite: str) -> None:
     check_feasible(found, suite)
     families_of(found, plugins, suite)
     click.echo(f"{found.label} is sound: {sum(1 for _ in found.schedule())} takes")
+    for why in never_ranked(found):
+        click.echo(f"no rank: {why}")
 
 
 def _told(step: Step, suite: Suite) -> str:

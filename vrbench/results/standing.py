@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from vrbench.config.case import UNCOVERED
+from vrbench.config.ranking import POOLED
 from vrbench.config.schedule import DEFAULT
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError
@@ -285,6 +286,8 @@ def _judged(
         return worst.status, worst.reason
     if chosen is None or chosen.value is None:
         what = "the change against the baseline" if change else suite.rank.metric
+        if not change and suite.rank.statistic not in POOLED:
+            return "failed", f"the {suite.rank.statistic} of several takes isn't computed"
         if chosen is None or chosen.status == "ok":
             return "failed", f"{what} was not computed"
         return chosen.status, chosen.reason

@@ -11,7 +11,7 @@ from vrbench.config.case import ALL, OPENING, UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Case, Step, Suite
 from vrbench.devices.ports import HeadsetProfile, Occlusion, Operator, Plan, Robot, Session
-from vrbench.errors import ConfigError
+from vrbench.errors import ConfigError, DeviceError
 from vrbench.motion.motion import at_speed
 from vrbench.recording.interrupt import Interrupt
 from vrbench.running.course import Course, Diary, told
@@ -124,8 +124,13 @@ class RobotMover:
     def _go_to(self, plan: Plan) -> None:
         """Goes to where a plan begins; Ctrl-C ends the way there."""
         with Interrupt() as interrupt, closing(self._robot.prepare(plan)) as way:
-            for _ in way:
+            try:
+                for _ in way:
+                    interrupt.check()
+            except DeviceError:
+                # Ctrl-C reaches a process of the robot's too: that it stopped is no fault
                 interrupt.check()
+                raise
 
     def cover(self, occlusion: Occlusion) -> None:
         """Has cameras covered: hands are at the headset, so nothing may move before it is allowed.

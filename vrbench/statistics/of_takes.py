@@ -14,6 +14,7 @@ from vrbench.statistics.bootstrap import (
     draw_members,
     expanded_percentiles,
     independent_members,
+    nested,
     scope_of,
 )
 
@@ -27,9 +28,8 @@ def drawn_takes(places: Sequence[tuple[Hashable, Hashable]], rng: np.random.Gene
         places: sitting and mount of each take (n).
         rng: where the randomness comes from.
     """
-    drawn = [
-        np.bincount(draw_members(places, rng), minlength=len(places)) for _ in range(REPLICATES)
-    ]
+    groups, n = nested(places), len(places)
+    drawn = [np.bincount(draw_members(groups, rng), minlength=n) for _ in range(REPLICATES)]
     return np.array(drawn, dtype=np.float64)
 
 
