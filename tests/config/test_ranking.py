@@ -8,7 +8,7 @@ from vrbench.config.suite import Suite, load_suite
 RANK = {"metric": "ape.translation.aligned", "point": "eye", "statistic": "rmse"}
 
 
-RANKED = "gameplay-replay occluded-cameras relocalisation static-jitter speed-sweep".split()
+RANKED = ["gameplay-replay", "occluded-cameras", "relocalisation", "static-jitter", "speed-sweep"]
 
 
 @pytest.mark.parametrize("name", [*RANKED, "calibration", "long-loop"])
