@@ -75,7 +75,11 @@ def run(folder: Path, suite: Suite, route: str, *, whole: bool) -> int:
     bundle = Bundle.begun(folder / "run")
     takes = Counter(take.status for take in bundle.record.takes)
     print(f"  run {bundle.record.status}; takes: {dict(takes)}")
-    rows = read_rows(folder / "run" / "metrics" / "vrbench-1.csv")
+    table = folder / "run" / "metrics" / "vrbench-1.csv"
+    if not table.is_file():
+        print(f"  {bundle.record.reason}", flush=True)
+        return code
+    rows = read_rows(table)
     for reference in bundle.record.references:
         counted = Counter(row.status for row in rows if row.reference == reference)
         print(f"  rows against {reference}: {dict(counted)}")

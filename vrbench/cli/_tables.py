@@ -123,6 +123,7 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
     had = {key for take in takes.values() for key, row in take.items() if row.value is not None}
     headlines = (*headlines, *(special for special in _SPECIAL if special[1:] in had))
     lines = []
+    errors = any(row.metric == _HEADLINES[0][1] for row in rows)
     several = len({row.reference for row in rows}) > 1
     for (reference, case, condition, mount, repeat), numbers in takes.items():
         cells = [numbers.get((metric, at, statistic)) for _, metric, at, statistic in headlines]
@@ -133,8 +134,8 @@ def show_metrics(rows: Sequence[Row], table: str) -> None:
         line = [named, "all" if mount == repeat == "all" else f"m{mount} r{repeat}"]
         shown = ["" if row is None else significant(row.value) for row in cells]
         status = min((r.status for r in numbers.values()), key=STATUSES.index)
-        # A take that lacks some metric is ok; one that lacks its first headline isn't scored.
-        if status == "skipped" and shown[0]:
+        # A take that lacks some metric is ok; one that lacks the error asked for isn't scored.
+        if status == "skipped" and (shown[0] if errors else any(shown)):
             status = "ok"
         lines.append([*line, *shown, status])
     header = ["case", "take", *(name for name, *_ in headlines), "status"]
