@@ -8,9 +8,10 @@ from functools import reduce
 
 import numpy as np
 
+from vrbench.results.numbers import Sampled
 from vrbench.results.record import TakeRecord
 from vrbench.results.selection import select_bins
-from vrbench.results.standing import Sampled, Standing
+from vrbench.results.standing import Standing
 from vrbench.statistics.paired import Phases
 from vrbench.statistics.ranks import Measured
 
@@ -29,13 +30,13 @@ def measured(sittings: Sequence[Standing], *, floor: float | None = None) -> Mea
         DataError: a table of errors by phase was changed, or can't be read.
     """
     change = bool(sittings[0].before)
-    here = _clusters(sittings, [s.by_take for s in sittings])
+    here = _clusters(sittings, [s.numbers.by_take for s in sittings])
     statistic = sittings[0].suite.rank.statistic
     size = _together([v for values in here.values() for v in values], statistic)
     value, bins = size, _bins(sittings, [s.takes for s in sittings])
     numbers = {cluster: _together(values, statistic) for cluster, values in here.items()}
     if change:
-        before = _clusters(sittings, [s.before_by_take for s in sittings])
+        before = _clusters(sittings, [s.base.by_take if s.base else {} for s in sittings])
         value -= _together([v for values in before.values() for v in values], statistic)
         numbers = {
             cluster: number - _together(before[cluster], statistic)
