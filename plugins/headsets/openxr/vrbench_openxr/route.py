@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from importlib.metadata import version
-from types import TracebackType
 from typing import Any, Literal, Self
 from uuid import uuid4
 
@@ -64,12 +63,7 @@ class OpenXRHeadset:
         self._stack.enter_context(self._sampler)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stack.close()
 
     def start(self, take: str) -> None:

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from importlib.metadata import version
-from types import TracebackType
 from typing import Self
 
 from vrbench.devices.link import Link
@@ -76,12 +75,7 @@ class WebXRHeadset:
         if not options.quiet:
             show(told(options, self._server.port, self.url))
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stack.close()
 
     def start(self, take: str) -> None:

@@ -14,7 +14,6 @@ import time
 import xml.etree.ElementTree as ET
 from collections import deque
 from collections.abc import Iterator
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -187,12 +186,7 @@ class Qualisys:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._receiver.close()
 
     def start(self, take: str) -> None:  # noqa: ARG002
