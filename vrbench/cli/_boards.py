@@ -74,7 +74,7 @@ def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
 
 
 def _short(cell: str) -> str:
-    """A name so long that its row would fill the terminal ends in an ellipsis; files have it all."""
+    """The cell, its end cut where its row would fill the terminal; files have it all."""
     return cell if len(cell) <= LONGEST else f"{cell[: LONGEST - 1]}…"
 
 
