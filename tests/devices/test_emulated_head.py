@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vrbench.devices.emulated import EmulatedHead
-from vrbench.devices.ports import Tracking
+from vrbench.devices.specs import Tracking
 from vrbench.geometry import Transform
 from vrbench.trajectory import NS
 
