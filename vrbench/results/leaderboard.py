@@ -135,7 +135,7 @@ def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
     elif status == "ok" and scope not in ("mount", "sitting"):
         status = "take scope"
         reason = "it speaks for these takes only: a rank takes two mounts of three repeats each"
-        if low is None:
+        if low is None and scope_of(places) != "take":
             status, reason = "no interval", f"no interval of {rank.metric} was computed"
     device, numbers = first.record.device, [s.numbers for s in sittings]
     epochs = _known(max, [n.epochs for n in numbers])
