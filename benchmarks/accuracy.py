@@ -26,11 +26,12 @@ import scipy
 
 import vrbench
 from vrbench.clocks import ClockMap, Skew
-from vrbench.devices.ports import HeadsetProfile, Session, Tracking
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.headset import Options, SimulatedHeadset
 from vrbench.devices.simulated.robot import START_EYE, SimulatedRobot
 from vrbench.devices.simulated.robot import Options as RobotOptions
 from vrbench.devices.simulated.stage import Stage, VirtualClock
+from vrbench.devices.specs import HeadsetProfile, Tracking
 from vrbench.estimation.alignment import umeyama_scale
 from vrbench.estimation.clock import estimate_clock
 from vrbench.estimation.fit import fit
@@ -43,7 +44,12 @@ from vrbench.protocols.calibration import mean_skew, mean_x
 from vrbench.protocols.vrbench_1 import calibrate, prepare
 from vrbench.statistics.of_scale import scale_intervals
 from vrbench.statistics.relative import relative_models, relative_vectors
-from vrbench.statistics.uncertainty import error_models, error_vectors, intervals
+from vrbench.statistics.uncertainty import (
+    error_models,
+    error_vectors,
+    intervals,
+    translation_errors,
+)
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
 
@@ -168,9 +174,10 @@ def outcome(seed: int, white: bool) -> Outcome:
     scored = prepare(replay, "robot", x, skew=mean_skew([before, after]))
     off, sigma = float(scored.clock.offset_ns(middle)) / NS - offset, scored.offset_sigma_s
     assert sigma is not None
-    models = {**error_models(scored), **relative_models(scored)}
+    translation = translation_errors(scored)
+    models = {**error_models(scored, translation), **relative_models(scored)}
     found = intervals([models], [covariance], [("s", "m")], np.random.default_rng(seed))
-    scales = scale_intervals(scored, covariance).values()
+    scales = scale_intervals(scored, translation, covariance).values()
     ends = np.array([[found[*key, "rmse"].low, found[*key, "rmse"].high] for key in KEYS])
     ideal = prepare(replay, "robot", truth, skew=Skew(SKEW_PPM * 1e-6, 0.0))
     pairs = pairs_of(ideal, RELATIVE_S)

@@ -489,7 +489,7 @@ def stage_score(run: str) -> Job:
     from vrbench.protocols.vrbench_1 import calibrate, prepare
     from vrbench.recording.take import read_take as read
     from vrbench.statistics.relative import relative_models
-    from vrbench.statistics.uncertainty import error_models, intervals
+    from vrbench.statistics.uncertainty import error_models, intervals, translation_errors
 
     before, take = map(read, _takes(run))
     calibration = calibrate(before, "robot", "1")
@@ -497,7 +497,7 @@ def stage_score(run: str) -> Job:
 
     def job() -> Told:
         values = list(FAMILY.of_take(ready)) if FAMILY.of_take else []
-        models = {**error_models(ready), **relative_models(ready)}
+        models = {**error_models(ready, translation_errors(ready)), **relative_models(ready)}
         rng = np.random.default_rng(1)
         found = intervals([models], [calibration.x_covariance], [("s", "m")], rng)
         return {"values": float(len(values)), "intervals": float(len(found))}

@@ -78,9 +78,28 @@ def quat_normalize(q: Floats) -> Floats:
 @_in_blocks
 def quat_rotate(q: Floats, v: Floats) -> Floats:
     """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    xyz, w = q[..., :3], q[..., 3:]
-    t = 2.0 * cross(xyz, v)
-    return v + w * t + cross(xyz, t)
+    x, y, z, w = _columns(q)
+    vx, vy, vz = _columns(v)
+    # t = 2 q x v; v + w t + q x t
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return _rows(
+        vx + w * tx + (y * tz - z * ty),
+        vy + w * ty + (z * tx - x * tz),
+        vz + w * tz + (x * ty - y * tx),
+    )
+
+
+def _columns(rows: Floats) -> Floats:
+    """The components (k, ...) of rows (..., k), each of them in one piece."""
+    return np.ascontiguousarray(np.moveaxis(rows, -1, 0))
+
+
+def _rows(*columns: Floats) -> Floats:
+    """Rows (..., k) of components; np.stack takes longer."""
+    rows = np.empty((*columns[0].shape, len(columns)))
+    for i, column in enumerate(columns):
+        rows[..., i] = column
+    return rows
 
 
 @_in_blocks
@@ -125,13 +144,16 @@ def rotvec_to_quat(r: Floats) -> Floats:
 @_in_blocks
 def quat_to_matrix(q: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    x, y, z, w = _columns(q)
+    xx, yy, zz = x * x, y * y, z * z
+    xy, xz, yz = x * y, x * z, y * z
+    wx, wy, wz = x * w, y * w, z * w
+    rows = _rows(
+        *(1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)),
+        *(2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)),
+        *(2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)),
     )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return rows.reshape(*q.shape[:-1], 3, 3)
 
 
 def matrix_to_quat(m: Floats) -> Floats:

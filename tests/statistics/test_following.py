@@ -3,7 +3,7 @@ import pytest
 
 from tests.statistics.test_uncertainty import scored
 from vrbench.geometry import Transform, quat_multiply, rotvec_to_quat
-from vrbench.statistics.following import STEP, explained, following
+from vrbench.statistics.following import STEP, following, shares
 
 
 def test_a_headset_of_wrong_scale_errs_as_the_first_says():
@@ -33,17 +33,16 @@ def test_a_prediction_that_knows_no_acceleration_errs_as_the_others_say():
 
 def test_what_columns_explain_leaves_the_rest():
     rng = np.random.default_rng(0)
-    columns = rng.normal(size=(400, 3, 2))
-    noise = rng.normal(size=(400, 3))
-    found = explained(columns @ [2.0, -1.0] + noise, columns)
-    assert found == pytest.approx(columns @ [2.0, -1.0], abs=0.5)
-    assert np.einsum("nc,ncm->m", columns @ [2.0, -1.0] + noise - found, columns) == pytest.approx(
-        0.0, abs=1e-9
-    )
+    one, other, noise = rng.normal(size=(3, 400, 3))
+    error = 2.0 * one - other + noise
+    found = shares(error, [one, other])
+    assert found == pytest.approx([2.0, -1.0], abs=0.1)
+    left = error - found[0] * one - found[1] * other
+    assert [np.vdot(left, one), np.vdot(left, other)] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
 def test_a_take_at_rest_has_nothing_to_follow():
     take = scored(0, 1.0, 0.0)
     still = Transform(0.0 * take.truth.p, rotvec_to_quat(0.0 * take.truth.p))
-    columns = np.zeros((len(still), 3, 3))
-    assert not explained(np.ones((len(still), 3)), columns).any()
+    columns = [np.zeros((len(still), 3))] * 3
+    assert not shares(np.ones((len(still), 3)), columns).any()

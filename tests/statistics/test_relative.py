@@ -9,7 +9,7 @@ from tests.statistics.test_uncertainty import scored
 from vrbench.metrics import rpe
 from vrbench.statistics.of_scale import scale_intervals
 from vrbench.statistics.relative import relative_models
-from vrbench.statistics.uncertainty import intervals
+from vrbench.statistics.uncertainty import intervals, translation_errors
 
 KEY = ("rpe.translation@1s", "eye")
 TAKES = [scored(seed, 1.01, 2e-3) for seed in range(16)]
@@ -47,14 +47,21 @@ def test_intervals_of_relative_errors_hold_beside_an_error_of_scale():
     assert wide.high - wide.low > ends[0].high - ends[0].low
 
 
+def scale_interval(take, point, covariance):
+    return scale_intervals(take, translation_errors(take), covariance)["scale", point, "value"]
+
+
 @pytest.mark.parametrize("noise_m", [2e-3, 2e-4])
 def test_intervals_of_the_scale_hold(noise_m):
     takes = [scored(seed, 1.01, noise_m) for seed in range(16)]
-    ends = [scale_intervals(take, None)["scale", "eye", "value"] for take in takes]
+    ends = [
+        scale_intervals(take, translation_errors(take), None)["scale", "eye", "value"]
+        for take in takes
+    ]
     assert np.mean([end.low <= 1 / 1.01 <= end.high for end in ends]) >= 0.8
     assert all(end.high - end.low < 0.8 * noise_m for end in ends)
 
 
 def test_an_unsure_x_makes_the_scale_at_the_tcp_unsure():
-    sure, unsure = (scale_intervals(TAKES[0], c)["scale", "tcp", "value"] for c in (None, UNSURE))
+    sure, unsure = (scale_interval(TAKES[0], "tcp", c) for c in (None, UNSURE))
     assert unsure.high - unsure.low > sure.high - sure.low

@@ -7,7 +7,13 @@ from vrbench.clocks import ClockMap
 from vrbench.estimation.blocks import block_length
 from vrbench.geometry import Transform, rotvec_to_quat
 from vrbench.metrics.scored import ScoredTake
-from vrbench.statistics.uncertainty import ErrorModel, error_models, intervals, offset_interval
+from vrbench.statistics.uncertainty import (
+    ErrorModel,
+    error_models,
+    intervals,
+    offset_interval,
+    translation_errors,
+)
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
 
@@ -80,12 +86,14 @@ def width(model: ErrorModel) -> float:
 
 def test_an_error_of_scale_alone_is_no_chance_of_the_take():
     """The same motion has it again: quiet stretches don't make its rmse uncertain."""
-    found = error_models(scored(0, 1.01, 1e-6))[KEY]
+    take = scored(0, 1.01, 1e-6)
+    found = error_models(take, translation_errors(take))[KEY]
     assert width(found) < 0.01 * np.sqrt(found.constant.mean())
 
 
 def test_intervals_of_rmse_hold_beside_an_error_of_scale():
-    found = [error_models(scored(seed, 1.01, 2e-3))[KEY] for seed in range(16)]
+    takes = [scored(seed, 1.01, 2e-3) for seed in range(16)]
+    found = [error_models(take, translation_errors(take))[KEY] for take in takes]
     true = np.sqrt(np.mean([one.constant.mean() for one in found]))
     ends = [rmse_interval(one) for one in found]
     assert np.mean([end.low <= true <= end.high for end in ends]) >= 0.8

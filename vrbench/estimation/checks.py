@@ -46,8 +46,9 @@ def require_finite_rows(values: Floats, name: str, kind: str) -> None:
     Raises:
         EstimationError: naming the first row that holds one.
     """
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    if len(bad):
+    finite = np.isfinite(values)
+    if not finite.all():
+        bad = np.flatnonzero(~finite.all(axis=1))
         raise EstimationError(
             f"{kind} of pose {bad[0] + 1} is not finite ({len(bad)} such poses)",
             field=name,

@@ -102,6 +102,9 @@ class Model:
         self._s = _reference_seconds(estimate.t, clock, spline.origin_ns)
         self.mean_p = estimate.pose.p.mean(axis=0)
         self._centred = estimate.pose.p - self.mean_p
+        # residuals, derivatives and what follows the motion are asked for at one state in turn
+        self._state: State | None = None
+        self._found: dict[tuple[int, int], _Terms] = {}
 
     def __len__(self) -> int:
         return len(self._s)
@@ -140,33 +143,43 @@ class Model:
     def linearised(self, state: State, part: slice) -> tuple[Floats, Floats, Floats, Floats]:
         """Residuals (m, 3), (m, 3) of a part and their derivatives (m, 3, k), (m, 3, k)."""
         terms = self._terms(state, part)
-        m = len(terms.translation)
-        blocks = {name: np.zeros((m, 3, len(PARAMETERS[name]))) for name in PARAMETERS}
-        turned = {name: np.zeros_like(block) for name, block in blocks.items()}
+        shape = len(terms.translation), 3, len(self.names)
+        place, turn = np.zeros(shape), np.zeros(shape)
+        at = {name: i for i, name in enumerate(self.names)}
         tcp, mount = quat_to_matrix(terms.tcp_q), quat_to_matrix(state.x.q)
-        eye = tcp @ mount
         left = _inverse_left_jacobian(terms.rotation)
         since = self.since_middle[part, None]
-        blocks["offset"][:, :, 0] = terms.velocity
-        blocks["skew"][:, :, 0] = terms.velocity * since
-        turn_rate = np.einsum("nij,nj->ni", left, terms.angular_velocity @ mount)
-        turned["offset"][:, :, 0] = turn_rate
-        turned["skew"][:, :, 0] = turn_rate * since
-        blocks["x"][:, :, 3:] = -tcp
-        turned["x"][:, :, :3] = -left
-        blocks["y"][:, :, :3] = -state.scale * _cross_matrices(terms.unscaled)
-        blocks["y"][:, :, 3:] = np.eye(3)
-        turned["y"][:, :, :3] = left @ np.swapaxes(eye, 1, 2)
-        blocks["scale"][:, :, 0] = terms.unscaled
-        free = [name for name, columns in PARAMETERS.items() if columns[0] in self.names]
-        return (
-            terms.translation,
-            terms.rotation,
-            np.concatenate([blocks[name] for name in free], axis=2),
-            np.concatenate([turned[name] for name in free], axis=2),
-        )
+        if not at.keys().isdisjoint(("offset", "skew")):
+            turn_rate = np.einsum("nij,nj->ni", left, terms.angular_velocity @ mount)
+        if "offset" in at:
+            place[:, :, at["offset"]] = terms.velocity
+            turn[:, :, at["offset"]] = turn_rate
+        if "skew" in at:
+            place[:, :, at["skew"]] = terms.velocity * since
+            turn[:, :, at["skew"]] = turn_rate * since
+        if "x.rx" in at:
+            first = at["x.rx"]
+            place[:, :, first + 3 : first + 6] = -tcp
+            turn[:, :, first : first + 3] = -left
+        if "y.rx" in at:
+            first = at["y.rx"]
+            place[:, :, first : first + 3] = -state.scale * _cross_matrices(terms.unscaled)
+            place[:, :, first + 3 : first + 6] = np.eye(3)
+            turn[:, :, first : first + 3] = left @ np.swapaxes(tcp @ mount, 1, 2)
+        if "scale" in at:
+            place[:, :, at["scale"]] = terms.unscaled
+        return terms.translation, terms.rotation, place, turn
 
     def _terms(self, state: State, part: slice) -> _Terms:
+        """Those of the last state are kept."""
+        if self._state is not state:
+            self._state, self._found = state, {}
+        of = part.start, part.stop
+        if of not in self._found:
+            self._found[of] = self._computed(state, part)
+        return self._found[of]
+
+    def _computed(self, state: State, part: slice) -> _Terms:
         s = self._s[part] - state.offset - state.skew * self.since_middle[part]
         tcp = self._spline.motion(s)
         unscaled = quat_rotate(state.y_q, self._centred[part])

@@ -86,3 +86,10 @@ class ScoredTake:
             raise ValueError("a take without x has no common point")
         yield "eye", self.truth @ self.x, self.estimate.pose
         yield "tcp", self.truth, self.estimate.pose @ self.x.inverse()
+
+    def positions(self) -> Iterator[tuple[str, Floats, Floats]]:
+        """The positions (n, 3) [m] of `points()` alone; raises as it does."""
+        if self.x is None:
+            raise ValueError("a take without x has no common point")
+        yield "eye", self.truth.apply(self.x.p), self.estimate.pose.p
+        yield "tcp", self.truth.p, self.estimate.pose.apply(self.x.inverse().p)

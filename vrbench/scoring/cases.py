@@ -18,14 +18,15 @@ from vrbench.scoring.preparing import Prepared, prepared
 from vrbench.scoring.rules import Rules, verdict_of
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.floor import floor_values
+from vrbench.statistics.following import Key
 from vrbench.statistics.of_scale import scale_intervals
 from vrbench.statistics.relative import relative_models
 from vrbench.statistics.uncertainty import (
     ErrorModel,
-    Key,
     error_models,
     intervals,
     offset_interval,
+    translation_errors,
 )
 from vrbench.streams import Columns
 
@@ -116,11 +117,14 @@ def _uncertain(
 ) -> tuple[dict[Key, ErrorModel], dict[tuple[str, str, str], Interval]]:
     """Models of a part's errors, and the intervals over it alone."""
     asked = {family.name for family in rules.families}
-    models = dict(error_models(part))
+    translation = translation_errors(part)
+    models = error_models(part, translation)
     if "rpe" in asked:
         models |= relative_models(part)
     found = intervals([models], [covariance], [("", "")], rules.rng(take.name))
-    return models, found | (scale_intervals(part, covariance) if "scale" in asked else {})
+    return models, found | (
+        scale_intervals(part, translation, covariance) if "scale" in asked else {}
+    )
 
 
 def _floor(rules: Rules, take: TakeRecord, part: ScoredTake) -> list[Value]:

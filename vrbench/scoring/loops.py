@@ -25,7 +25,11 @@ from vrbench.scoring.rules import Rules
 from vrbench.statistics import NORMAL_95
 from vrbench.statistics.bootstrap import LEVEL
 from vrbench.statistics.paired import by_phase, paired_difference
-from vrbench.statistics.uncertainty import error_models, error_vectors
+from vrbench.statistics.uncertainty import (
+    translation_errors,
+    translation_models,
+    translation_vectors,
+)
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 
@@ -75,7 +79,7 @@ def loop_rows(rules: Rules, scored: Scored, columns: Columns) -> list[Row]:
                 for row in family_rows(rules, take, names["ape"], loop.part, scored.verdict)
                 if row.metric in OF_LOOPS and row.band == "all" and row.statistic in STATISTICS
             ]
-            models = {k: m for k, m in error_models(loop.part).items() if k[0] == OF_LOOPS[0]}
+            models = translation_models(loop.part, translation_errors(loop.part))
             rows += with_intervals(rules, found, take.name, models, scored.x_covariance)
         values += _growth(rows, loops, rules.rng(take.name, "growth"))
     if "clock" in names:
@@ -224,7 +228,7 @@ def _last_first(loops: Sequence[Loop], point: str, rng: np.random.Generator) -> 
     """
     both = []
     for loop in (loops[-1], loops[0]):
-        error = dict(error_vectors(loop.part))[OF_LOOPS[0], point]
+        error = dict(translation_vectors(loop.part))[OF_LOOPS[0], point]
         phase = (loop.part.estimate.t - loop.part.reference.t[0]) / NS
         both.append(by_phase(phase, np.linalg.norm(error, axis=1)))
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,11 +16,15 @@ from vrbench.geometry import (
     quat_rotate,
     rotvec_to_quat,
 )
-from vrbench.metrics.compared import aligned
 from vrbench.metrics.scored import ScoredTake
 
 # Factor of each kind of error for its derivative: tenths of a millimetre, milliradians.
 STEP = 1e-4
+
+# Of an error: its metric, and the point it is seen at.
+Key = tuple[str, str]
+# The error vectors (n, 3) of a take, by metric and point.
+Vectors = Callable[[ScoredTake], Iterable[tuple[Key, Floats]]]
 
 
 def following(take: ScoredTake) -> Iterator[ScoredTake]:
@@ -45,42 +49,44 @@ def following(take: ScoredTake) -> Iterator[ScoredTake]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """Aligned errors of translation at a point, taken apart.
+class Errors:
+    """Errors of a take, and how they change with those of the headset that follow the motion.
 
     Attributes:
-        noise: what of them doesn't follow the motion (n, 3) [m].
-        turn: by how much what does turns the alignment (3,): a rotation vector in base [rad].
+        here: error vectors (n, 3), by metric and point.
+        like: their derivatives (n, 3) by each way of `following`.
     """
 
-    noise: Floats
-    turn: Floats
+    here: Mapping[Key, Floats]
+    like: Mapping[Key, Sequence[Floats]]
+
+    def followed(self, key: Key) -> Floats:
+        """What of them follows the motion (n, 3)."""
+        error, columns = self.here[key], self.like[key]
+        return _sum(shares(error, columns), columns)
 
 
-def aligned_followed(take: ScoredTake) -> dict[str, Followed]:
-    """By point; raises EstimationError where the take can't be aligned."""
-    erring = [list(aligned(other)) for other in following(take)]
-    found = {}
-    for place, at in enumerate(aligned(take)):
-        error, turn = at.translation(), at.rotation().mean(axis=0)
-        others = [points[place] for points in erring]
-        columns = np.stack([(other.translation() - error) / STEP for other in others], axis=2)
-        turns = [(other.rotation().mean(axis=0) - turn) / STEP for other in others]
-        share = shares(error, columns)
-        found[at.point] = Followed(error - columns @ share, share @ np.array(turns))
+def errors_of(take: ScoredTake, vectors: Vectors) -> Errors:
+    """The errors of a take and their derivatives; raises as `vectors` does."""
+    here = dict(vectors(take))
+    like: dict[Key, list[Floats]] = {key: [] for key in here}
+    for erring in following(take):
+        for key, there in vectors(erring):
+            like[key].append((there - here[key]) / STEP)
+    return Errors(here, like)
+
+
+def shares(error: Floats, columns: Sequence[Floats]) -> Floats:
+    """How much of each of the columns (n, 3) is in errors (n, 3), by least squares (m,)."""
+    inner = np.array([[np.vdot(one, other) for other in columns] for one in columns])
+    found: Floats = np.linalg.pinv(inner, hermitian=True) @ [np.vdot(x, error) for x in columns]
     return found
 
 
-def shares(error: Floats, columns: Floats) -> Floats:
-    """How much of each column (n, 3, m) is in errors (n, 3), by least squares (m,)."""
-    inner = np.einsum("ncm,ncl->ml", columns, columns)
-    found: Floats = np.linalg.pinv(inner, hermitian=True) @ np.einsum("ncm,nc->m", columns, error)
-    return found
-
-
-def explained(error: Floats, columns: Floats) -> Floats:
-    """What columns (n, 3, m) explain of errors (n, 3), by least squares (n, 3)."""
-    found: Floats = columns @ shares(error, columns)
+def _sum(factors: Floats, columns: Sequence[Floats]) -> Floats:
+    found = factors[0] * columns[0]
+    for factor, column in zip(factors[1:], columns[1:], strict=True):
+        found += factor * column
     return found
 
 

@@ -9,16 +9,16 @@ import numpy as np
 from vrbench.estimation.alignment import umeyama_scale
 from vrbench.estimation.blocks import block_covariance
 from vrbench.geometry import Floats
-from vrbench.metrics.compared import aligned
+from vrbench.metrics.compared import MM, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics import NORMAL_95
 from vrbench.statistics.bootstrap import Interval
-from vrbench.statistics.following import STEP, aligned_followed
-from vrbench.statistics.uncertainty import moved_x, time_bins
+from vrbench.statistics.following import STEP, Errors
+from vrbench.statistics.uncertainty import TRANSLATION, moved_x, time_bins
 
 
 def scale_intervals(
-    take: ScoredTake, x_covariance: Floats | None
+    take: ScoredTake, translation: Errors, x_covariance: Floats | None
 ) -> dict[tuple[str, str, str], Interval]:
     """Intervals of `scale` by metric, point and statistic: of the take's blocks, and of X.
 
@@ -27,18 +27,23 @@ def scale_intervals(
     same in every such motion. Noise makes the estimate's motion seem larger than it is, by its
     variance over the motion's: the upper end takes that in.
 
+    Args:
+        take: with X.
+        translation: its errors, from `translation_errors`.
+        x_covariance: of X (6, 6), if it is known.
+
     Raises:
         EstimationError: the take has no X, or can't be aligned.
     """
     bins = time_bins(take.estimate.t)
     found = {}
     by_x = _derivatives(take) if x_covariance is not None else {}
-    followed = aligned_followed(take)
     for at in aligned(take):
         arm = at.estimate.p - at.estimate.p.mean(axis=0)
         square = float(np.einsum("ni,ni->", arm, arm))
         scale = umeyama_scale(at.truth.p, at.estimate.p)
-        noise = followed[at.point].noise
+        key = (TRANSLATION, at.point)
+        noise = (translation.here[key] - translation.followed(key)) / MM
         scores = np.bincount(bins, np.einsum("ni,ni->n", arm, noise)).astype(np.float64)[:, None]
         variance, _ = block_covariance(np.array([[1.0 / square]]), scores)
         total = float(variance[0, 0])
@@ -59,4 +64,4 @@ def _derivatives(take: ScoredTake) -> dict[str, Floats]:
 
 
 def _scales(take: ScoredTake) -> dict[str, float]:
-    return {point: umeyama_scale(truth.p, estimate.p) for point, truth, estimate in take.points()}
+    return {point: umeyama_scale(truth, estimate) for point, truth, estimate in take.positions()}

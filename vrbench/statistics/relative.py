@@ -13,12 +13,8 @@ from vrbench.metrics.compared import MM
 from vrbench.metrics.pairs import RPE_S, Pairs, R, T, pairs_of
 from vrbench.metrics.pose_errors import rpe_poses
 from vrbench.metrics.scored import ScoredTake
-from vrbench.statistics.uncertainty import (
-    ErrorModel,
-    Key,
-    quadratic_models,
-    time_bins,
-)
+from vrbench.statistics.following import Key, errors_of
+from vrbench.statistics.uncertainty import ErrorModel, quadratic_models, time_bins
 from vrbench.trajectory import NS
 
 # Pairs share what lies between their poses: there have to be some times that, and blocks as long
@@ -45,7 +41,7 @@ def relative_models(take: ScoredTake) -> dict[Key, ErrorModel]:
         vectors = partial(relative_vectors, pairs=pairs, delta=delta)
         # that errors of pairs depend on each other is known, though at most lags it doesn't show
         least = SPANS * int(bins[-1] + 1) * delta * NS / int(t[-1] - t[0])
-        for key, model in quadratic_models(take, vectors, bins).items():
+        for key, model in quadratic_models(take, vectors, errors_of(take, vectors), bins).items():
             block = max(model.block, round(least))
             models[key] = replace(model, block=block, slow=False)
     return models

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vrbench.estimation.alignment import align, column_means
 from vrbench.estimation.blocks import block_covariance, block_length
 from vrbench.geometry import Floats, Ints, Transform, cross, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
 from vrbench.statistics import NORMAL_95
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
-from vrbench.statistics.following import STEP, aligned_followed, explained, following
+from vrbench.statistics.following import STEP, Errors, Key, Vectors, errors_of, shares
 from vrbench.trajectory import NS
 
 # Errors are averaged over bins this long: far below the time over which they are correlated.
@@ -21,8 +22,7 @@ BIN_S = 0.1
 # Longer takes have longer bins, or an hour's replicates would not fit into memory.
 MOST_BINS = 10_000
 REPLICATES = 500
-
-Key = tuple[str, str]
+TRANSLATION, ROTATION = "ape.translation.aligned", "ape.rotation.aligned"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,8 +75,12 @@ class ErrorModel:
         return square
 
 
-def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
+def error_models(take: ScoredTake, translation: Errors) -> dict[Key, ErrorModel]:
     """Models of the aligned errors of translation [mm] and rotation [deg], at the eye and the tcp.
+
+    Args:
+        take: with X.
+        translation: its errors, from `translation_errors`.
 
     Returns:
         by metric and point.
@@ -84,17 +88,29 @@ def error_models(take: ScoredTake) -> dict[Key, ErrorModel]:
     Raises:
         EstimationError: the take has no X, or can't be aligned.
     """
-    if take.x is None:
-        return {}
+    places, turns = translation_models(take, translation), _rotation_models(take, translation)
+    # intervals are drawn in this order, from one source of chance
+    return dict(item for pair in zip(places.items(), turns.items(), strict=True) for item in pair)
+
+
+def translation_models(take: ScoredTake, translation: Errors) -> dict[Key, ErrorModel]:
+    """Those of translation alone."""
     bins = time_bins(take.estimate.t)
-    models = quadratic_models(take, error_vectors, bins)
-    followed = aligned_followed(take)
+    return quadratic_models(take, translation_vectors, translation, bins)
+
+
+def _rotation_models(take: ScoredTake, translation: Errors) -> dict[Key, ErrorModel]:
+    bins = time_bins(take.estimate.t)
+    errors = errors_of(take, rotation_vectors)
+    models = quadratic_models(take, rotation_vectors, errors, bins)
     for at in aligned(take):
-        own = followed[at.point]
-        turn, blocks = _turn(at, own.noise, bins)
-        rotation, systematic = np.degrees(at.rotation()), np.degrees(own.turn)
-        mean = rotation.mean(axis=0)
-        key = ("ape.rotation.aligned", at.point)
+        key, place = (ROTATION, at.point), (TRANSLATION, at.point)
+        share = shares(translation.here[place], translation.like[place])
+        noise = (translation.here[place] - translation.followed(place)) / MM
+        turn, blocks = _turn(at, noise, bins)
+        rotation = errors.here[key]
+        mean = column_means(rotation)
+        systematic = share @ np.array([column_means(like) for like in errors.like[key]])
         # about another turn than this take's, squares would scatter otherwise
         crossed = 2.0 * _binned((rotation - mean) @ mean, bins)
         models[key] = replace(
@@ -116,25 +132,18 @@ def time_bins(t: Ints) -> Ints:
 
 
 def quadratic_models(
-    take: ScoredTake, vectors: Callable[[ScoredTake], Iterable[tuple[Key, Floats]]], bins: Ints
+    take: ScoredTake, vectors: Vectors, errors: Errors, bins: Ints
 ) -> dict[Key, ErrorModel]:
     """Models of error vectors (n, 3) that depend on the take's X, given the bin of each (n,)."""
-    if take.x is None:
-        return {}
-    here = dict(vectors(take))
-    derivatives: dict[Key, list[Floats]] = {key: [] for key in here}
+    assert take.x is not None
+    derivatives: dict[Key, list[Floats]] = {key: [] for key in errors.here}
     for dx in STEP * np.eye(6):
         for key, there in vectors(replace(take, x=moved_x(take.x, dx))):
-            derivatives[key].append((there - here[key]) / STEP)
-    like: dict[Key, list[Floats]] = {key: [] for key in here}
-    for erring in following(take):
-        for key, there in vectors(erring):
-            like[key].append((there - here[key]) / STEP)
-    models = {}
-    for key, error in here.items():
-        followed = explained(error, np.stack(like[key], axis=2))
-        models[key] = _model(error, followed, np.stack(derivatives[key], axis=2), bins)
-    return models
+            derivatives[key].append((there - errors.here[key]) / STEP)
+    return {
+        key: _model(error, errors.followed(key), derivatives.pop(key), bins)
+        for key, error in errors.here.items()
+    }
 
 
 def _turn(at: Compared, noise: Floats, bins: Ints) -> tuple[float, float]:
@@ -247,23 +256,55 @@ def error_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
         EstimationError: the take has no X, or can't be aligned.
     """
     for at in aligned(take):
-        yield ("ape.translation.aligned", at.point), MM * at.translation()
-        yield ("ape.rotation.aligned", at.point), np.degrees(at.rotation())
+        yield (TRANSLATION, at.point), MM * at.translation()
+        yield (ROTATION, at.point), np.degrees(at.rotation())
 
 
-def _model(error: Floats, followed: Floats, derivative: Floats, bins: Ints) -> ErrorModel:
-    """Of error vectors (n, 3), what of them follows the motion (n, 3), their derivatives (n, 3, 6)
-    by X, and the bin of each (n,).
+def translation_errors(take: ScoredTake) -> Errors:
+    """Those of translation [mm], and how they follow the motion; raises as `error_vectors` does."""
+    return errors_of(take, translation_vectors)
+
+
+def translation_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
+    """Those of translation alone: rotations take most of the time."""
+    for point, truth, estimate in take.positions():
+        yield (TRANSLATION, point), MM * (align(truth, estimate).apply(estimate) - truth)
+
+
+def rotation_vectors(take: ScoredTake) -> Iterator[tuple[Key, Floats]]:
+    """Those of rotation alone."""
+    for at in aligned(take):
+        yield (ROTATION, at.point), np.degrees(at.rotation())
+
+
+def _model(
+    error: Floats, followed: Floats, derivatives: Sequence[Floats], bins: Ints
+) -> ErrorModel:
+    """Of error vectors (n, 3), what of them follows the motion (n, 3), their derivatives (n, 3) by
+    each part of X, and the bin of each (n,).
     """
-    motion = _binned(np.einsum("nc,nc->n", followed, followed), bins)
+    motion = _binned(_dots(followed, followed), bins)
     noise = _binned(error - followed, bins)
+    k = len(derivatives)
+    quadratic = np.empty((len(motion), k, k))
+    for i in range(k):
+        for j in range(i, k):
+            quadratic[:, i, j] = _binned(_dots(derivatives[i], derivatives[j]), bins)
+            quadratic[:, j, i] = quadratic[:, i, j]
+    linear = [_binned(_dots(error, derivative), bins) for derivative in derivatives]
     return ErrorModel(
-        constant=_binned(np.einsum("ni,ni->n", error, error), bins),
-        linear=_binned(2.0 * np.einsum("ni,nij->nj", error, derivative), bins),
-        quadratic=_binned(np.einsum("nij,nik->njk", derivative, derivative), bins),
+        constant=_binned(_dots(error, error), bins),
+        linear=2.0 * np.stack(linear, axis=1),
+        quadratic=quadratic,
         motion=motion - motion.mean(),
         block=max(block_length(axis) for axis in noise.T),
     )
+
+
+def _dots(a: Floats, b: Floats) -> Floats:
+    """The products (n,) of vectors (n, 3)."""
+    products: Floats = np.einsum("nc,nc->n", a, b)
+    return products
 
 
 def _binned(values: Floats, bins: np.ndarray) -> Floats:

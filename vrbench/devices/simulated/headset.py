@@ -9,11 +9,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from vrbench import __version__
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Session, Tracking
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.answers import Answers
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
 from vrbench.devices.simulated.worlds import Worlds
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec, Tracking
 from vrbench.geometry import (
     Bools,
     Floats,

@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from vrbench.clocks import Exchanges
-from vrbench.devices.ports import MocapSpec, Session
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.noise import losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
 from vrbench.devices.simulated.worlds import Y_UP
+from vrbench.devices.specs import MocapSpec
 from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat
 from vrbench.streams import GOOD, Columns, Samples
 from vrbench.trajectory import NS

@@ -9,9 +9,10 @@ from typing import Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import Plan, RobotSpec, Session
+from vrbench.devices.ports import Plan, Session
 from vrbench.devices.simulated.noise import correlated, rng_of
 from vrbench.devices.simulated.stage import Stage
+from vrbench.devices.specs import RobotSpec
 from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory

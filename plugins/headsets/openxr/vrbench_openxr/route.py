@@ -13,7 +13,8 @@ from uuid import uuid4
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
+from vrbench.devices.ports import Finding, Session
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns, Event, Samples, believed
 from vrbench_openxr.runtime import Located, Runtime, now_ns

@@ -14,7 +14,8 @@ from pydantic import Field
 
 from vrbench.devices.link import Link
 from vrbench.devices.listening import Listening, Place
-from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
+from vrbench.devices.ports import Finding, Session
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns
 from vrbench_quest.adb import Adb, findings, state_of

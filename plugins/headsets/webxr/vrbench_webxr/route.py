@@ -9,7 +9,8 @@ from importlib.metadata import version
 from typing import Self
 
 from vrbench.devices.link import Link
-from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
+from vrbench.devices.ports import Finding, Session
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns
 from vrbench_webxr.address import address, show, told

@@ -9,7 +9,7 @@ from vrbench_optitrack.scene import Scene
 
 from vrbench.config.rig import Rig
 from vrbench.config.suite import load_suite
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.plugin.manager import Plugins
 from vrbench.runner import record_suite
 from vrbench.streams import Columns, Samples

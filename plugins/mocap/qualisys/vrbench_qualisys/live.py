@@ -19,7 +19,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import Finding, HostClock, MocapSpec, Session
+from vrbench.devices.ports import Finding, HostClock, Session
+from vrbench.devices.specs import MocapSpec
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.geometry import Ints, Transform
 from vrbench.streams import GOOD, Columns, Event, Samples
