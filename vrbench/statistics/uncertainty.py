@@ -130,9 +130,10 @@ def _rotation_models(take: ScoredTake, translation: Errors) -> dict[Key, ErrorMo
 
 
 def time_bins(t: Ints) -> Ints:
-    """The bin of each stamp (n,) [ns], counted without holes."""
+    """The bin of each stamp (n,) [ns], in order of time, counted without holes."""
     bin_s = max(BIN_S, (int(t[-1]) - int(t[0])) / NS / MOST_BINS)
-    _, bins = np.unique(np.floor((t - t[0]) / (bin_s * NS)).astype(np.int64), return_inverse=True)
+    places = np.floor((t - t[0]) / (bin_s * NS))
+    bins: Ints = np.cumsum(np.diff(places, prepend=places[0]) > 0.0)
     return bins
 
 
