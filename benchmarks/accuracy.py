@@ -26,11 +26,12 @@ import scipy
 
 import vrbench
 from vrbench.clocks import ClockMap, Skew
-from vrbench.devices.ports import HeadsetProfile, Session, Tracking
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.headset import Options, SimulatedHeadset
 from vrbench.devices.simulated.robot import START_EYE, SimulatedRobot
 from vrbench.devices.simulated.robot import Options as RobotOptions
 from vrbench.devices.simulated.stage import Stage, VirtualClock
+from vrbench.devices.specs import HeadsetProfile, Tracking
 from vrbench.estimation.alignment import umeyama_scale
 from vrbench.estimation.clock import estimate_clock
 from vrbench.estimation.fit import fit

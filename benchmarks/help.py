@@ -15,7 +15,7 @@ from benchmarks.measure import run
 PLUGINS, TIMES = 50, 15
 CODE = """
 import numpy
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.plugin import hookimpl
 
 @hookimpl

@@ -187,5 +187,5 @@ def test_what_plugins_import_for_their_hooks_is_light():
 
 def test_the_imports_are_read_where_they_are_hidden():
     # the tests above rest on these being seen
-    assert "vrbench.devices.ports" in IMPORTS["vrbench.plugin.hookspecs"]  # TYPE_CHECKING
+    assert "vrbench.devices.specs" in IMPORTS["vrbench.plugin.hookspecs"]  # TYPE_CHECKING
     assert "vrbench.devices.simulated.headset" in IMPORTS["vrbench.plugin.builtin"]  # in a function

@@ -197,7 +197,8 @@ class Columns:
 
     Attributes:
         poses: pose streams by name: `headset/eye`, `robot/tcp`, `robot/target`, `mocap/<body>`.
-        joints: joint streams by name: `robot/joints`, `robot/target_joints`.
+        joints: joint streams by name: `robot/joints`, `robot/target_joints`; and
+            `headset/frames`, numbers of every frame that are no joints but have names likewise.
         events: all events by time.
         clocks: clock exchanges by source: `optitrack`, `headset`.
         metadata: facts of the take, text by name.

@@ -193,31 +193,37 @@ def _numbers(bundle: Bundle, plugins: Plugins, tell: Tell) -> Iterator[Finding]:
     """Where the tables differ from what the takes give here."""
     run = str(bundle.folder)
     known = {protocol.name: protocol for protocol in builtin_protocols()}
-    for name in _protocols(bundle.record):
-        tell(run, name)
-        if name not in known:
-            there = ", ".join(known)
-            yield Finding(run, f"metrics/{name}.csv", f"no such protocol here: {there}")
-            continue
-        protocol = known[name]
-        suite = bundle.record.resolved_suite()
-        families = protocol.families or families_of(suite, plugins, run)
-        with TemporaryDirectory(prefix="vrbench-verify-") as folder:
-            copy = _copied(bundle, Path(folder))
+    suite = bundle.record.resolved_suite()
+    with TemporaryDirectory(prefix="vrbench-verify-") as folder:
+        copy = _copied(bundle, Path(folder))
+        for name in _protocols(bundle.record):
+            tell(run, name)
+            if name not in known:
+                there = ", ".join(known)
+                yield Finding(run, f"metrics/{name}.csv", f"no such protocol here: {there}")
+                continue
+            protocol = known[name]
+            families = protocol.families or families_of(suite, plugins, run)
             evaluate(copy, families, protocol, lambda *_: None)
-            for file, read in compared(name):
-                if file not in bundle.record.files:
-                    if (copy.folder / file).is_file():
-                        yield Finding(run, file, "is missing: evaluation makes it")
-                    continue
-                told = list(differences(read(bundle.folder / file), read(copy.folder / file)))
-                for what in told[:TOLD]:
-                    yield Finding(run, file, what)
-                if len(told) > TOLD:
-                    yield Finding(run, file, f"{len(told) - TOLD} more numbers differ")
-                version = bundle.record.versions.get("vrbench")
-                if told and version != __version__:
-                    yield Finding(run, file, f"it is of vrbench {version}, here is {__version__}")
+            yield from _differing(bundle, copy, name)
+
+
+def _differing(bundle: Bundle, copy: Bundle, protocol: str) -> Iterator[Finding]:
+    """Where the files of a protocol differ from those that were evaluated again."""
+    run = str(bundle.folder)
+    for file, read in compared(protocol):
+        if file not in bundle.record.files:
+            if (copy.folder / file).is_file():
+                yield Finding(run, file, "is missing: evaluation makes it")
+            continue
+        told = list(differences(read(bundle.folder / file), read(copy.folder / file)))
+        for what in told[:TOLD]:
+            yield Finding(run, file, what)
+        if len(told) > TOLD:
+            yield Finding(run, file, f"{len(told) - TOLD} more numbers differ")
+        version = bundle.record.versions.get("vrbench")
+        if told and version != __version__:
+            yield Finding(run, file, f"it is of vrbench {version}, here is {__version__}")
 
 
 def _copied(bundle: Bundle, folder: Path) -> Bundle:

@@ -48,6 +48,12 @@ def test_a_name_steers_no_terminal(runs: list[str], columns: int) -> None:
     assert "[bold]" in "".join(done.stdout.split())
 
 
+def test_a_name_fills_no_terminal(runs: list[str]) -> None:
+    made_up(Path("d"), rng=np.random.default_rng(0), device="x" * 300)
+    assert vrbench("leaderboard", *runs, "d").stdout.count("x") < 100
+    assert "x" * 300 in vrbench("leaderboard", *runs, "d", "--format", "csv").stdout
+
+
 def test_each_format_goes_to_a_file(runs: list[str]) -> None:
     for form, told in (
         ("csv", "suite,"),

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 SOUND = """
-    from vrbench.devices.ports import HeadsetSpec
+    from vrbench.devices.specs import HeadsetSpec
     from vrbench.plugin import hookimpl
 
     @hookimpl

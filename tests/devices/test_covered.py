@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from vrbench.devices.ports import HeadsetProfile, Occlusion, Session, Tracking
+from vrbench.devices.ports import Occlusion, Session
 from vrbench.devices.simulated.headset import Options, SimulatedHeadset
 from vrbench.devices.simulated.stage import SimulatedOperator, Stage, VirtualClock
+from vrbench.devices.specs import HeadsetProfile, Tracking
 from vrbench.geometry import Transform
 from vrbench.trajectory import Trajectory
 

@@ -12,10 +12,11 @@ import pytest
 from tests.conftest import recorded
 from vrbench.clocks import Exchanges, fit_exchanges
 from vrbench.config.suite import Suite
-from vrbench.devices.ports import HeadsetProfile, Session, Tracking
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated import headset, robot
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
 from vrbench.devices.simulated.stage import Stage, VirtualClock
+from vrbench.devices.specs import HeadsetProfile, Tracking
 from vrbench.geometry import Transform, relative_angle
 from vrbench.motion.generators import generate
 from vrbench.recording.take import read_take

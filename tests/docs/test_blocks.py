@@ -77,6 +77,13 @@ def test_a_page_can_be_followed(page: Path, tmp_path: Path, after_tutorial: Path
     follow(found, tmp_path)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(REPO)))
+def test_links_and_pictures_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
 @pytest.mark.parametrize("block", EVERY, ids=lambda block: block.place)
 def test_a_block_says_what_it_is(block: Block) -> None:
     assert block.language in LANGUAGES, "begin the fence with what the block is"

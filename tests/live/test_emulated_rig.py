@@ -26,21 +26,46 @@ def wait_until(what, seconds=20.0):
 
 
 @pytest.fixture(scope="module")
-def whole(lab):
-    """A suite from its confirmation to its numbers."""
+def killed(lab, record_of):
+    """A run that is killed in its second take: its record, when that was, what is left of it."""
     run = lab.folder / "whole"
     with lab.vrbench("run", run) as typed:
+        typed.until(r"take 2 of 3, \d+ %")
+        begun(typed, np.random.default_rng(7))
+        typed.process.kill()
+        at = time.time_ns()
+        typed.end()
+    wait_until(lambda: not lab.moving())
+    cut = read_take(run / "takes" / f"{STEPS[1]}.mcap.part")
+    return run, record_of(run), at, cut
+
+
+@pytest.fixture(scope="module")
+def whole(lab, killed):
+    """The same run, gone on with to its numbers."""
+    run, *_ = killed
+    with lab.vrbench("run", run, "--resume", "--yes") as typed:
         code = typed.end()
     return run, code, typed
 
 
-def test_a_suite_runs_from_the_typed_confirmation_to_its_end(whole, record_of):
+def test_killed_in_mid_run_the_arm_stops_and_what_was_recorded_is_kept(killed):
+    _, record, at, cut = killed
+    assert [take["file"] for take in record["takes"]] == [f"takes/{STEPS[0]}.mcap"]
+    # all but the last second or so is there; a busy computer adds what it was late by
+    assert at - cut.poses["robot/tcp"].receive_t[-1] < 4e9
+
+
+def test_a_suite_runs_from_the_typed_confirmation_to_its_end(killed, whole, record_of):
+    _, before, *_ = killed
     run, code, typed = whole
     assert code == 0, typed.shown[-3000:]
-    assert typed.asked == 1
+    assert typed.asked == 1  # `--yes` doesn't answer it
     record = record_of(run)
     assert (record["status"], record["kind"]) == ("complete", "recorded")
+    assert [take["file"] for take in record["takes"]] == [f"takes/{s}.mcap" for s in STEPS]
     assert [take["status"] for take in record["takes"]] == ["ok"] * 3
+    assert record["takes"][0] == before["takes"][0]
 
 
 def late_ms(run) -> float:
@@ -160,26 +185,3 @@ def test_ctrl_c_stops_the_robot_and_leaves_a_run_to_go_on_with(lab, rng, tmp_pat
     assert "Traceback" not in typed.shown
     assert record_of(tmp_path / "run")["status"] == "incomplete"
     wait_until(lambda: not lab.moving())
-
-
-def test_killed_in_mid_run_the_arm_stops_and_resume_asks_and_finishes(
-    lab, rng, tmp_path, record_of
-):
-    run = tmp_path / "run"
-    with lab.vrbench("record", run) as typed:
-        typed.until(r"take 2 of 3, \d+ %")
-        begun(typed, rng)
-        typed.process.kill()
-        killed = time.time_ns()
-        typed.end()
-    wait_until(lambda: not lab.moving())
-    assert [take["file"] for take in record_of(run)["takes"]] == [f"takes/{STEPS[0]}.mcap"]
-    cut = read_take(run / "takes" / f"{STEPS[1]}.mcap.part")
-    # all but the last second or so is there; a busy computer adds what it was late by
-    assert killed - cut.poses["robot/tcp"].receive_t[-1] < 4e9
-    with lab.vrbench("record", run, "--resume", "--yes") as typed:
-        assert typed.end() == 0, typed.shown[-3000:]
-    assert typed.asked == 1  # `--yes` doesn't answer it
-    record = record_of(run)
-    assert record["status"] == "complete"
-    assert [take["file"] for take in record["takes"]] == [f"takes/{s}.mcap" for s in STEPS]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from vrbench.devices import ports
+from vrbench.devices import specs
 from vrbench.metrics.registry import Family
 from vrbench.plugin import PLUGIN_API, hookspecs, testing
 from vrbench.plugin.manager import KINDS
@@ -16,7 +16,7 @@ from vrbench.recording.importer import Importer
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 HOOKS = [name for name in vars(hookspecs) if name.startswith("vrbench_")]
-SPECS = (ports.HeadsetSpec, ports.MocapSpec, ports.RobotSpec, Importer, Family)
+SPECS = (specs.HeadsetSpec, specs.MocapSpec, specs.RobotSpec, Importer, Family)
 BLOCKS = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
 

@@ -15,7 +15,7 @@ from vrbench.plugin.testing import HeadsetModelConformance, NonconformityError
 
 HOOKS = [name for name in vars(hookspecs) if name.startswith("vrbench_")]
 SOUND = """
-    from vrbench.devices.ports import HeadsetSpec
+    from vrbench.devices.specs import HeadsetSpec
     from vrbench.plugin import hookimpl
 
     @hookimpl
@@ -158,7 +158,7 @@ def test_a_plugin_may_offer_suites(install, tmp_path):
 
 def hook(body: str, name: str = "vrbench_headsets", mark: str = "@hookimpl") -> str:
     return (
-        "from vrbench.devices.ports import HeadsetSpec\n"
+        "from vrbench.devices.specs import HeadsetSpec\n"
         "from vrbench.plugin import hookimpl\n"
         f"{mark}\ndef {name}():\n    {body}\n"
     )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from vrbench.config.case import Case
-from vrbench.devices.ports import HeadsetProfile, Plan
+from vrbench.devices.ports import Plan
 from vrbench.devices.simulated.stage import VirtualClock
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.geometry import Transform
 from vrbench.running.course import Course, Diary
 from vrbench.trajectory import NS, Trajectory

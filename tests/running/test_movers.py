@@ -8,8 +8,9 @@ import numpy as np
 
 from vrbench.config.suite import Suite
 from vrbench.devices.permit import Permit
-from vrbench.devices.ports import HeadsetProfile, Plan, Session
+from vrbench.devices.ports import Plan, Session
 from vrbench.devices.simulated.stage import VirtualClock
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.geometry import Transform
 from vrbench.running.movers import RobotMover
 from vrbench.trajectory import NS, Trajectory

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vrbench.errors import EstimationError
-from vrbench.statistics.bootstrap import Series, bootstrap, draw_members, scope_of
+from vrbench.statistics.bootstrap import Series, bootstrap, draw_members, nested, scope_of
 
 
 def ar1(rng, n, rho, scale=1.0):
@@ -88,7 +88,7 @@ def test_an_interval_speaks_for_no_more_than_was_repeated(places, scope):
 def test_members_are_drawn_within_their_groups():
     places = [("s", "a"), ("s", "a"), ("s", "b"), ("s", "b")]
     rng = np.random.default_rng(2)
-    drawn = [draw_members(places, rng) for _ in range(200)]
+    drawn = [draw_members(nested(places), rng) for _ in range(200)]
     assert all(len(d) == 4 for d in drawn)
     assert any({places[i][1] for i in d} == {"a"} for d in drawn)
     # The first two always come from one mount, and the last two too.

@@ -17,6 +17,8 @@ from vrbench.results.board_formats import one_line
 if TYPE_CHECKING:
     from vrbench.results.comparison import Comparison
 
+# Of a cell, in characters.
+LONGEST = 60
 # From this width on there is room for all columns.
 WIDE = 120
 
@@ -68,7 +70,12 @@ def _cells(entry: Entry, *, wide: bool, change: bool) -> list[str]:
     if change:
         cells += ["" if entry.cameras is None else "{}/{}".format(*entry.cameras)]
     # names are other people's words, and some words steer a terminal
-    return [one_line(cell) for cell in cells]
+    return [_short(one_line(cell)) for cell in cells]
+
+
+def _short(cell: str) -> str:
+    """The cell, its end cut where its row would fill the terminal; files have it all."""
+    return cell if len(cell) <= LONGEST else f"{cell[: LONGEST - 1]}…"
 
 
 def _interval(entry: Entry) -> str:

@@ -39,13 +39,14 @@ def command(runs: tuple[Path, ...], protocol: str, form: str, output: Path | Non
     can't be read is left out and told, and the exit code is 1.
     """
     from vrbench.cli._boards import show_boards
-    from vrbench.protocols.registry import find_protocol
     from vrbench.results.board_formats import FORMATS, one_line
     from vrbench.results.leaderboard import leaderboard
     from vrbench.text_file import replace_text
 
     found = leaderboard(runs, protocol)
     if not found.boards:
+        from vrbench.protocols.registry import find_protocol
+
         find_protocol(protocol)
         raise found.left_out[0].error
     if form == "table":

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from vrbench.config.quantity import Duration
+from vrbench.config.strict import Strict
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 Need = Literal["x", "clock", "y"]
@@ -25,11 +26,7 @@ OPENING = "opening"
 """The motion that looped cases begin with."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Cue(_Strict):
+class Cue(Strict):
     """Something done to the headset within a take, by hand.
 
     Attributes:
@@ -62,7 +59,7 @@ class Cue(_Strict):
         return self
 
 
-class Case(_Strict):
+class Case(Strict):
     """One motion of a suite, and how it is to be run.
 
     Attributes:
@@ -103,7 +100,7 @@ class Case(_Strict):
         return self.loops > 1 or self.duration is not None
 
 
-class Condition(_Strict):
+class Condition(Strict):
     """A variation of all scored cases: the knobs it sets replace theirs.
 
     Attributes:

@@ -9,16 +9,13 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from vrbench.config.rig import Accuracy
+from vrbench.config.strict import Strict
 from vrbench.config.suite import Name
 from vrbench.config.yaml_file import load_model
 
 STREAMS = ("headset", "robot", "mocap")
 # A further log of the robot, `robot_paper`: a reference only where a protocol asks for it.
 OTHER_ROBOT = re.compile(r"robot_[a-z0-9]+")
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Source(BaseModel):
@@ -39,7 +36,7 @@ class Source(BaseModel):
         return dict(self.model_extra or {})
 
 
-class DeviceFacts(_Strict):
+class DeviceFacts(Strict):
     """What the recordings were made with.
 
     Attributes:
@@ -57,7 +54,7 @@ class DeviceFacts(_Strict):
     prediction: str = "unknown"
 
 
-class RecordedTake(_Strict):
+class RecordedTake(Strict):
     """One take: its place in the suite, and a file for each stream.
 
     Fields `robot_NAME` are further logs of the robot: they are gathered in `other_robots`.
@@ -84,7 +81,7 @@ class RecordedTake(_Strict):
     headset: Source | None = None
     robot: Source | None = None
     mocap: Source | None = None
-    other_robots: dict[str, Source] = {}
+    other_robots: dict[str, Source] = Field(default_factory=dict)
 
     @property
     def sources(self) -> dict[str, Source]:
@@ -110,7 +107,7 @@ class RecordedTake(_Strict):
         return self
 
 
-class Recordings(_Strict):
+class Recordings(Strict):
     """A recordings file.
 
     Attributes:
@@ -132,7 +129,7 @@ class Recordings(_Strict):
     sitting: str = "1"
     licence: str | None = None
     consent: str | None = None
-    accuracy: dict[Literal["robot", "mocap"], Accuracy] = {}
+    accuracy: dict[Literal["robot", "mocap"], Accuracy] = Field(default_factory=dict)
     takes: tuple[RecordedTake, ...] = Field(min_length=1)
 
     @model_validator(mode="after")

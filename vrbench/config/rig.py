@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, Field, FiniteFloat
 
 from vrbench.config.quantity import Length
+from vrbench.config.strict import Strict
 from vrbench.config.yaml_file import load_model, load_yaml
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
@@ -18,10 +19,6 @@ FIRST_SIMULATED = "quest-2"
 SHARED = ("tcp", "payload", "workspace")
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 def _unit(q: tuple[float, ...]) -> tuple[float, ...]:
     length = float(np.linalg.norm(q))
     if abs(length - 1.0) > 1e-2:
@@ -29,7 +26,7 @@ def _unit(q: tuple[float, ...]) -> tuple[float, ...]:
     return q
 
 
-class Pose(_Strict):
+class Pose(Strict):
     """A rigid transform as people write it.
 
     Attributes:
@@ -46,7 +43,7 @@ class Pose(_Strict):
         return Transform.of(self.p_m, self.q_xyzw)
 
 
-class Accuracy(_Strict):
+class Accuracy(Strict):
     """How accurate a reference is over the box it moves in, and who says so.
 
     Attributes:
@@ -58,7 +55,7 @@ class Accuracy(_Strict):
     source: str = Field(min_length=1)
 
 
-class DeviceChoice(_Strict):
+class DeviceChoice(Strict):
     """A plugin's device and its options, which the plugin itself validates.
 
     Attributes:
@@ -67,7 +64,7 @@ class DeviceChoice(_Strict):
     """
 
     plugin: str
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict)
 
     @property
     def beside_options(self) -> tuple[str, ...]:
@@ -137,7 +134,7 @@ class HeadsetChoice(DeviceChoice):
         return self.device or self.plugin
 
 
-class Mounting(_Strict):
+class Mounting(Strict):
     """Nominal mounting: plans use it; scoring uses what calibration measures.
 
     Attributes:
@@ -147,7 +144,7 @@ class Mounting(_Strict):
     tcp_eye: Pose = Pose(p_m=(0.003, 0.087, 0.276), q_xyzw=(0.70710678, 0.0, 0.0, 0.70710678))
 
 
-class Rig(_Strict):
+class Rig(Strict):
     """A lab's devices.
 
     Attributes:
@@ -164,7 +161,7 @@ class Rig(_Strict):
     robot: RobotChoice | None = None
     mocap: ReferenceChoice | None = None
     mounting: Mounting = Mounting()
-    environment: dict[str, Any] = {}
+    environment: dict[str, Any] = Field(default_factory=dict)
 
     @property
     def things(self) -> list[tuple[str, str]]:

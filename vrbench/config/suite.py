@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from vrbench.config.case import OPENING, Case, Condition, Name, check_case
 from vrbench.config.motions import identity, is_file, motion_of
 from vrbench.config.quantity import Angle, Duration, Fraction, Length
 from vrbench.config.schedule import DEFAULT, Order, Step, schedule, take_name
 from vrbench.config.shipped import find_file
+from vrbench.config.strict import Strict
 from vrbench.config.yaml_file import line_of, load_yaml, validate
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import Motion
@@ -26,11 +27,7 @@ __all__ = ["DEFAULT", "Case", "Name", "Step", "Suite", "load_suite", "take_name"
 Statistic = Literal["rmse", "mean", "median", "std", "min", "max", "p95", "value"]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Gate(_Strict):
+class Gate(Strict):
     """What a calibration must satisfy for the takes of its mount to count.
 
     Attributes:
@@ -46,7 +43,7 @@ class Gate(_Strict):
     bracket: Length = Field(0.001, gt=0.0)
 
 
-class Rank(_Strict):
+class Rank(Strict):
     """The one number devices are ranked by.
 
     Attributes:
@@ -62,7 +59,7 @@ class Rank(_Strict):
     min_coverage: Fraction = Field(0.95, ge=0.0, le=1.0)
 
 
-class Suite(_Strict):
+class Suite(Strict):
     """A suite, with all it extends resolved into it.
 
     Attributes:

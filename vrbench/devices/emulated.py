@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vrbench.devices.ports import Tracking
 from vrbench.devices.simulated.noise import correlated, rng_of
 from vrbench.devices.simulated.worlds import Y_UP
+from vrbench.devices.specs import Tracking
 from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat, slerp
 from vrbench.trajectory import NS
 

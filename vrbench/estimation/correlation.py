@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from vrbench.errors import EstimationError
 from vrbench.geometry import Bools, Floats, Ints, relative_angle
-from vrbench.trajectory import NS, Trajectory
+from vrbench.trajectory import MAX_GAP_PERIODS, NS, Trajectory
 
 Spectrum = npt.NDArray[np.complex128]
 
@@ -17,7 +17,6 @@ STEP_NS = 20_000_000
 BASELINE_NS = 200_000_000
 # A recorder's hiccup within the baseline changes little; lost tracking is masked.
 SHORTEST_GAP_NS = 50_000_000
-MAX_GAP_PERIODS = 2.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,6 +13,7 @@ from vrbench.estimation.correlation import Signal, correlate, refined_peak
 from vrbench.geometry import Bools, Floats, Ints
 from vrbench.trajectory import NS
 
+# In less time a crystal's skew can't be told from what else moves the offset.
 LONG_TAKE_S = 600.0
 KNOT_SPACING_S = 120.0
 WINDOW_S = 30.0

@@ -10,6 +10,7 @@ import numpy as np
 from vrbench.clocks import ClockMap
 from vrbench.errors import EstimationError
 from vrbench.estimation.checks import require_poses
+from vrbench.estimation.drift import LONG_TAKE_S
 from vrbench.estimation.excitation import check_excitation
 from vrbench.estimation.fitted import Fit, fitted
 from vrbench.estimation.handeye import solve_world
@@ -33,7 +34,6 @@ from vrbench.trajectory import Trajectory
 Noises = tuple[Noise, Noise]
 
 MINIMUM_POSES = 50
-LONG_TAKE_S = 600.0
 SKEW_PRIOR = 50e-6
 MAX_ITERATIONS = 60
 # Samples this close to the reference's ends and gaps are left out: the offset moves them.

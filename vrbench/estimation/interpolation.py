@@ -19,9 +19,8 @@ from vrbench.geometry import (
     quat_conjugate,
     quat_multiply,
 )
-from vrbench.trajectory import NS, Trajectory, seconds_since
+from vrbench.trajectory import MAX_GAP_PERIODS, NS, Trajectory, seconds_since
 
-MAX_GAP_PERIODS = 2.5
 # Stamps much closer than the period are jitter of the clock that stamped them; a spline through
 # both samples would invent speeds.
 MIN_STEP_PERIODS = 0.2

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vrbench.errors import EstimationError
+from vrbench.estimation.drift import LONG_TAKE_S
 from vrbench.geometry import Floats
 from vrbench.metrics.compared import MM, aligned_eye
 from vrbench.metrics.registry import Family, Value
@@ -16,8 +17,6 @@ from vrbench.metrics.summary import absent
 from vrbench.metrics.tilt import up_in_base
 
 UNITS = {"drift.translation": "mm/h", "drift.yaw": "deg/h", "drift.tilt": "deg/h"}
-# In less time than a skew can be seen in, a slope an hour is an extrapolation.
-MIN_S = 600.0
 
 
 def of_take(take: ScoredTake) -> Iterator[Value]:
@@ -39,9 +38,9 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
 
 
 def _slopes(take: ScoredTake) -> tuple[dict[str, float], int]:
-    if take.estimate.duration_s < MIN_S:
+    if take.estimate.duration_s < LONG_TAKE_S:
         raise EstimationError(
-            f"the take lasts {take.estimate.duration_s:.4g} s", fix=f"drift needs {MIN_S:g} s"
+            f"the take lasts {take.estimate.duration_s:.4g} s", fix=f"drift needs {LONG_TAKE_S:g} s"
         )
     eye = aligned_eye(take)
     hours = take.estimate.seconds(int(take.estimate.t[0])) / 3600

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from vrbench.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from vrbench.devices.ports import HeadsetSpec, MocapSpec, RobotSpec
+    from vrbench.devices.specs import HeadsetSpec, MocapSpec, RobotSpec
     from vrbench.metrics.registry import Family
     from vrbench.recording.importer import Importer
 

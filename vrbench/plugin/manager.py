@@ -21,7 +21,7 @@ from vrbench.plugin.offers import Spec, offered_by_hook, place_of, told, unmarke
 
 if TYPE_CHECKING:
     from vrbench.config.suite import Suite
-    from vrbench.devices.ports import HeadsetSpec, MocapSpec, RobotSpec
+    from vrbench.devices.specs import HeadsetSpec, MocapSpec, RobotSpec
     from vrbench.metrics.registry import Family
     from vrbench.recording.importer import Importer
 
@@ -167,19 +167,19 @@ class Plugins:
 
     @cached_property
     def headsets(self) -> Mapping[str, HeadsetSpec]:
-        from vrbench.devices.ports import HeadsetSpec
+        from vrbench.devices.specs import HeadsetSpec
 
         return self._named("vrbench_headsets", HeadsetSpec)
 
     @cached_property
     def mocap(self) -> Mapping[str, MocapSpec]:
-        from vrbench.devices.ports import MocapSpec
+        from vrbench.devices.specs import MocapSpec
 
         return self._named("vrbench_mocap", MocapSpec)
 
     @cached_property
     def robots(self) -> Mapping[str, RobotSpec]:
-        from vrbench.devices.ports import RobotSpec
+        from vrbench.devices.specs import RobotSpec
 
         return self._named("vrbench_robots", RobotSpec)
 

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from vrbench.config.rig import Mounting
-from vrbench.devices.ports import HeadsetProfile, Session
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.headset import Options as HeadsetOptions
 from vrbench.devices.simulated.headset import SimulatedHeadset
 from vrbench.devices.simulated.mocap import Options as MocapOptions
@@ -21,6 +21,7 @@ from vrbench.devices.simulated.mocap import SimulatedMocap
 from vrbench.devices.simulated.robot import Options as RobotOptions
 from vrbench.devices.simulated.robot import SimulatedRobot
 from vrbench.devices.simulated.stage import Stage, VirtualClock
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.geometry import UNITY, Axes, Transform
 from vrbench.motion.generators import generate
 from vrbench.streams import Samples

@@ -20,6 +20,7 @@ from vrbench.geometry import (
     quat_to_rotvec,
     relative_angle,
 )
+from vrbench.statistics import NORMAL_95
 from vrbench.trajectory import NS
 
 # How far outside a calibration's box, or from its nearest rotation, a motion may go. Positions
@@ -28,8 +29,6 @@ from vrbench.trajectory import NS
 BOX_MARGIN_M = 0.01
 ROTATION_MARGIN_RAD = float(np.radians(15.0))
 KEPT_POSES = 500
-# Standard deviations beyond which a difference is no chance: 95 %.
-SURE = 1.96
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,10 +239,11 @@ def _agreement(calibrations: Sequence[Calibration], limits: Limits) -> str:
     """Why calibrations disagree: by more than the gate, and than their uncertainty explains."""
     for a, b in combinations(calibrations, 2):
         apart, sigma = slip(a, b)
-        if apart - SURE * sigma > limits.bracket_m:
+        chance = NORMAL_95 * sigma
+        if apart - chance > limits.bracket_m:
             return (
                 f"calibrations {a.take} and {b.take} differ by {apart * 1e3:.2f} mm "
-                f"(+- {SURE * sigma * 1e3:.2f}), the gate is {limits.bracket_m * 1e3:g} mm"
+                f"(+- {chance * 1e3:.2f}), the gate is {limits.bracket_m * 1e3:g} mm"
             )
     return ""
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from vrbench.protocols.calibration import SURE, Calibration, slip
+from vrbench.protocols.calibration import Calibration, slip
+from vrbench.statistics import NORMAL_95
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +68,10 @@ def _moved(before: Sequence[Calibration], check: Calibration, bracket_m: float) 
     """How far a check finds the headset from where it was; empty where that may be chance."""
     for earlier in before:
         apart, sigma = slip(earlier, check)
-        if apart - SURE * sigma > bracket_m:
+        chance = NORMAL_95 * sigma
+        if apart - chance > bracket_m:
             return (
-                f"the headset moved by {apart * 1e3:.1f} mm (+- {SURE * sigma * 1e3:.1f}) between "
+                f"the headset moved by {apart * 1e3:.1f} mm (+- {chance * 1e3:.1f}) between "
                 f"{earlier.take} and {check.take}: scored with the X found since"
             )
     return ""

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from vrbench.config.strict import Strict
 from vrbench.config.yaml_file import validate
 from vrbench.errors import DataError
 from vrbench.protocols.calibration import Calibration
@@ -22,18 +23,14 @@ Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 Six = Annotated[list[float], Field(min_length=6, max_length=6)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class PoseRecord(_Strict):
+class PoseRecord(Strict):
     """A transform: position [m], quaternion xyzw."""
 
     p_m: Three
     q_xyzw: Four
 
 
-class CalibrationRecord(_Strict):
+class CalibrationRecord(Strict):
     """What one calibration take gave: X with its covariance, Y, and what they leave."""
 
     take: str
@@ -44,7 +41,7 @@ class CalibrationRecord(_Strict):
     residual_deg: float
 
 
-class _File(_Strict):
+class _File(Strict):
     protocols: dict[str, dict[str, list[CalibrationRecord]]]
 
 

@@ -104,7 +104,9 @@ def _compared(first: Standing, second: Standing) -> Comparison:
     plain = replace(plain, difference=values[0] - values[1])
     if "take" in (_scope(first), _scope(second)):
         return _of_takes(plain, first, second)
-    found = separation(measured([first], floor=first.floor), measured([second], floor=second.floor))
+    found = separation(
+        measured([first], floor=first.numbers.floor), measured([second], floor=second.numbers.floor)
+    )
     judged = replace(plain, low=found.low, high=found.high, paired=found.paired, scope="mount")
     if why := _unsaid(first, second):
         return replace(judged, reason=why)

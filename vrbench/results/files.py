@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from pathlib import Path
+from itertools import accumulate
+from pathlib import Path, PurePath
 from stat import S_ISDIR, S_ISREG
 
 from vrbench.errors import ConfigError, DataError
@@ -16,12 +17,14 @@ def inside(folder: Path, name: str) -> Path:
     Raises:
         DataError: the name, or a link on the way, leads out of the bundle.
     """
-    path = folder / name
-    real, root = os.path.realpath(path), os.path.realpath(folder)
-    if os.path.commonpath((real, root)) != root:
-        raise DataError(
-            "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
-        )
+    below = PurePath(name)
+    path, steps = folder / below, accumulate(below.parts, os.path.join, initial=os.fspath(folder))
+    if ".." in below.parts or below.is_absolute() or any(map(os.path.islink, [*steps][1:])):
+        real, root = os.path.realpath(path), os.path.realpath(folder)
+        if os.path.commonpath((real, root)) != root:
+            raise DataError(
+                "leads out of the bundle", file=path, fix="a bundle holds its own files, no links"
+            )
     return path
 
 

@@ -137,7 +137,8 @@ def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
         reason = "it speaks for these takes only: a rank takes two mounts of three repeats each"
         if low is None:
             status, reason = "no interval", f"no interval of {rank.metric} was computed"
-    device, epochs = first.record.device, [s.epochs for s in sittings]
+    device, numbers = first.record.device, [s.numbers for s in sittings]
+    epochs = _known(max, [n.epochs for n in numbers])
     return Entry(
         device=device.headset,
         firmware=device.firmware,
@@ -151,14 +152,14 @@ def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
         high=high,
         scope=scope,
         statistics=_statistics(sittings),
-        floor=_known(max, [s.floor for s in sittings]),
+        floor=_known(max, [n.floor for n in numbers]),
         takes=len(places),
         mounts=len(set(places)),
         sittings=len(sittings),
-        failed=sum(s.failed for s in sittings),
-        invalid=sum(s.invalid for s in sittings),
-        coverage=_known(min, [s.coverage for s in sittings]),
-        epochs=None if None in epochs else int(max(e for e in epochs if e is not None)),
+        failed=sum(n.troubled("failed") for n in numbers),
+        invalid=sum(n.troubled("invalid") for n in numbers),
+        coverage=_known(min, [n.coverage for n in numbers]),
+        epochs=None if epochs is None else int(epochs),
         cameras=first.cameras,
         status=status,
         reason=reason,
@@ -168,7 +169,8 @@ def _entry(sittings: Sequence[Standing], duplicate: str) -> Entry:
 
 def _statistics(sittings: Sequence[Standing]) -> dict[str, float | None]:
     """The paper's four numbers of the ranking metric, over all sittings."""
-    rows = [replace(r, sitting=s.record.sitting) for s in sittings for r in s.pooled.values()]
+    known = [s for s in sittings if s.status not in ("failed", "invalid")]
+    rows = [row for s in known for row in s.numbers.pooled.values()]
     if len(sittings) > 1:
         rows = pool(rows, ("sitting",), {(s.record.sitting,): "" for s in sittings})
     found = {row.statistic: row.value for row in rows}

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from vrbench.config.strict import Strict
 from vrbench.config.yaml_file import validate
 from vrbench.errors import DataError
 from vrbench.geometry import Floats
@@ -27,11 +28,7 @@ MISSING = 0xFFFF
 BINS_OF_RUN, BINS_OF_TAKE, LEAST_BINS = 12_000, 4_000, 60
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Packed(_Strict):
+class Packed(Strict):
     """A column of numbers in 16 bits: `lo + code / 65534 (hi - lo)`; code 65535 is a gap.
 
     Attributes:
@@ -57,7 +54,7 @@ Axes = Annotated[list[Packed], Field(min_length=3, max_length=3)]
 Numbers = Annotated[list[float], Field(max_length=4096)]
 
 
-class ErrorCurves(_Strict):
+class ErrorCurves(Strict):
     """An error over a take.
 
     Attributes:
@@ -75,7 +72,7 @@ class ErrorCurves(_Strict):
     axes: Axes | None = None
 
 
-class BySpeed(_Strict):
+class BySpeed(Strict):
     """The eye's error [mm] against its true speed [m/s], in classes with equally many samples."""
 
     speed: Numbers
@@ -83,21 +80,21 @@ class BySpeed(_Strict):
     p95: Numbers
 
 
-class Spectrum(_Strict):
+class Spectrum(Strict):
     """Amplitude spectral density of the eye's error vector [mm/sqrt(Hz)] by frequency [Hz]."""
 
     hz: Numbers
     density: Numbers
 
 
-class Mark(_Strict):
+class Mark(Strict):
     """An event of the take, seconds from the window's start."""
 
     t: float
     kind: Annotated[str, Field(max_length=100)]
 
 
-class LoopCurves(_Strict):
+class LoopCurves(Strict):
     """The eye's error by axis [mm] over one loop of a looped motion, of `bins` equal bins."""
 
     name: Annotated[str, Field(max_length=100)]
@@ -105,7 +102,7 @@ class LoopCurves(_Strict):
     axes: Axes
 
 
-class TakeCurves(_Strict):
+class TakeCurves(Strict):
     """Everything that is drawn of one take.
 
     Attributes:
@@ -142,10 +139,10 @@ class TakeCurves(_Strict):
     missing: Annotated[list[tuple[float, float]], Field(max_length=1000)]
     marks: Annotated[list[Mark], Field(max_length=1000)]
     clock: tuple[Numbers, Numbers] | None
-    loops: Annotated[list[LoopCurves], Field(max_length=2)] = []
+    loops: Annotated[list[LoopCurves], Field(max_length=2, default_factory=list)]
 
 
-class RunCurves(_Strict):
+class RunCurves(Strict):
     """The curves of a run by one protocol.
 
     Attributes:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from vrbench.config.shipped import shipped_files
+from vrbench.config.strict import Strict
 from vrbench.config.yaml_file import load_model
 from vrbench.results.board import BoardKey, Entry
 
 METRIC = "ape.translation.aligned"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class PublishedRow(_Strict):
+class PublishedRow(Strict):
     """What was printed of one device: errors of translation [mm], or of hand-eye calibration."""
 
     suite: str
@@ -40,7 +37,7 @@ class PublishedRow(_Strict):
         return self
 
 
-class Published(_Strict):
+class Published(Strict):
     """A publication's rows."""
 
     source: str

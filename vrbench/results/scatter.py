@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 
 import numpy as np
 
+from vrbench.geometry import Floats, Ints
+from vrbench.results.numbers import Sampled
 from vrbench.results.record import TakeRecord
 from vrbench.results.selection import select_bins
-from vrbench.results.standing import Sampled, Standing
+from vrbench.results.standing import Standing
 from vrbench.statistics.paired import Phases
 from vrbench.statistics.ranks import Measured
 
 # What errors by phase are kept of.
 BY_PHASE = ("ape.translation.aligned", "ape.rotation.aligned")
+NO_BINS: tuple[Ints, Floats] = np.array([], dtype=np.int64), np.array([])
 
 
 def measured(sittings: Sequence[Standing], *, floor: float | None = None) -> Measured:
@@ -29,26 +33,27 @@ def measured(sittings: Sequence[Standing], *, floor: float | None = None) -> Mea
         DataError: a table of errors by phase was changed, or can't be read.
     """
     change = bool(sittings[0].before)
-    here = _clusters(sittings, [s.by_take for s in sittings])
+    here = _clusters(sittings, [s.numbers.by_take for s in sittings])
     statistic = sittings[0].suite.rank.statistic
     size = _together([v for values in here.values() for v in values], statistic)
-    value, bins = size, _bins(sittings, [s.takes for s in sittings])
+    value, (bins, by_bin) = size, _bins(sittings, [s.takes for s in sittings])
     numbers = {cluster: _together(values, statistic) for cluster, values in here.items()}
     if change:
-        before = _clusters(sittings, [s.before_by_take for s in sittings])
+        before = _clusters(sittings, [s.base.by_take if s.base else {} for s in sittings])
         value -= _together([v for values in before.values() for v in values], statistic)
         numbers = {
             cluster: number - _together(before[cluster], statistic)
             for cluster, number in numbers.items()
             if cluster in before
         }
-        bins = _less(bins, _bins(sittings, [s.before for s in sittings]))
-    bin_numbers = np.array(sorted(bins), dtype=np.int64)
+        others, by_other = _bins(sittings, [s.before for s in sittings])
+        bins, mine, theirs = np.intersect1d(bins, others, assume_unique=True, return_indices=True)
+        by_bin = by_bin[mine] - by_other[theirs]
     return Measured(
         value=value,
         clusters=np.array(list(numbers.values())),
-        bin=bin_numbers,
-        by_bin=np.array([bins[b] for b in bin_numbers.tolist()]),
+        bin=bins,
+        by_bin=by_bin,
         size=size,
         floor=floor or 0.0,
     )
@@ -68,16 +73,19 @@ def _clusters(
 
 def _together(numbers: Iterable[Sampled], statistic: str) -> float:
     """The number of several takes together: rmse over all samples, else the mean of the takes'."""
-    pairs = np.array(list(numbers), dtype=float)
-    if not len(pairs):
+    pairs = list(numbers)
+    if not pairs:
         return 0.0
     if statistic == "rmse":
-        return float(np.sqrt(np.average(pairs[:, 0] ** 2, weights=np.maximum(pairs[:, 1], 1.0))))
-    return float(pairs[:, 0].mean())
+        squares = sum(number**2 * max(samples, 1) for number, samples in pairs)
+        return math.sqrt(squares / sum(max(samples, 1) for _, samples in pairs))
+    return sum(number for number, _ in pairs) / len(pairs)
 
 
-def _bins(sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]) -> dict[int, float]:
-    """The rmse as a mean over the bins of phase that all takes have; empty where not known.
+def _bins(
+    sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]
+) -> tuple[Ints, Floats]:
+    """The rmse as a mean over the bins of phase that all takes have; none where not known.
 
     To first order, the rmse over some bins is the mean over them of (square / rmse + rmse) / 2.
     """
@@ -85,7 +93,7 @@ def _bins(sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]) -
     for standing, mine in zip(sittings, takes, strict=True):
         known = phases(standing, mine)
         if not known:
-            return {}
+            return NO_BINS
         every += known
     common = every[0].bin
     squares = [one.mean_square for one in every]
@@ -94,9 +102,7 @@ def _bins(sittings: Sequence[Standing], takes: Sequence[Sequence[TakeRecord]]) -
         squares = [one.mean_square[np.isin(one.bin, common)] for one in every]
     square = np.mean(squares, axis=0)
     rmse = float(np.sqrt(np.mean(square))) if len(common) else 0.0
-    if rmse == 0.0:
-        return {}
-    return dict(zip(common.tolist(), ((square / rmse + rmse) / 2).tolist(), strict=True))
+    return (common, (square / rmse + rmse) / 2) if rmse > 0.0 else NO_BINS
 
 
 def phases(standing: Standing, takes: Sequence[TakeRecord]) -> list[Phases]:
@@ -123,7 +129,3 @@ def phases(standing: Standing, takes: Sequence[TakeRecord]) -> list[Phases]:
         Phases(bins, np.sqrt(square), square, mount=str(mount), sitting=record.sitting)
         for (mount, _), (bins, square) in found.items()
     ]
-
-
-def _less(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int, float]:
-    return {b: first[b] - second[b] for b in first.keys() & second.keys()}

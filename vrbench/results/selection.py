@@ -1,10 +1,16 @@
-"""The few rows that a comparison needs, out of tables of thousands, without reading the others."""
+"""The few rows that a comparison needs, out of tables of thousands, without reading the others.
+
+Tables begin a row with what it is of, and keep the rows of a take below each other; so a row is
+found by the beginning of its line.
+"""
 
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Sequence
+from functools import lru_cache
+from io import BytesIO, StringIO
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -16,39 +22,68 @@ from vrbench.results.record import TakeRecord
 from vrbench.results.tables import COLUMNS, Row, rows_of
 
 Place = tuple[int, int]
+_BIN = np.dtype([("phase", np.int64), ("mean_square", np.float64)])
+_BIN_AT = tuple(PHASE_COLUMNS.index(name) for name in _BIN.names or ())
 
 
-def select_rows(
-    path: Path, text: bytes, *, reference: str, variant: str, cells: Sequence[str]
-) -> list[Row]:
-    """The rows of a metric table that have one of some successions of cells.
+class MetricTable:
+    """A metric table, its rows by their key.
+
+    All its rows are of one protocol, device, suite and sitting, as the first one says.
 
     Args:
         path: of the table, for messages.
         text: its content.
-        reference: against which the rows are,
-        variant: and of which variant.
-        cells: what may stand from the metric on, as regular expressions: `scale,eye,all` say.
 
     Raises:
-        DataError: other columns, or a cell of another type.
+        DataError: other columns.
     """
-    _check_header(path, text, COLUMNS)
-    pattern = f",{re.escape(reference)},{re.escape(variant)},(?:{'|'.join(cells)}),"
-    lines = []
-    for found in re.finditer(pattern.encode(), text):
-        end = text.find(b"\n", found.end())
-        lines.append(text[text.rfind(b"\n", 0, found.start()) + 1 : end if end >= 0 else None])
-    try:
-        written = [line.decode() for line in lines]
-        # what no quote stands in needs no parser
-        plain = not any('"' in line for line in written)
-        rows = [line.split(",") for line in written] if plain else list(csv.reader(written))
-        if any(len(row) != len(COLUMNS) for row in rows):
-            raise ValueError(f"it has not {len(COLUMNS)} cells")
-        return rows_of(rows, path)
-    except (ValueError, TypeError, csv.Error) as error:
-        raise DataError("a row can't be read", file=path, fix=str(error)) from None
+
+    def __init__(self, path: Path, text: bytes) -> None:
+        _check_header(path, text, COLUMNS)
+        self._path, self._text = path, text
+        first = self._cells(text.find(b"\n") + 1)
+        self._run, self._sitting = tuple(first[:3]), first[5:6]
+        # where the rows of a take begin; -1 where it has none
+        self._begins: dict[bytes, int] = {}
+        self._last = 0
+
+    def row(self, take: tuple[str, ...], number: tuple[str, ...]) -> Row | None:
+        """A row; None where there is no such row.
+
+        Args:
+            take: its case, condition, mount and repeat.
+            number: its segment, reference, variant, metric, point, band and statistic.
+
+        Raises:
+            DataError: a cell of another type.
+        """
+        case, condition, mount, repeat = take
+        of = _beginning((*self._run, case, condition, *self._sitting, mount, repeat))
+        begins = self._begins.get(of)
+        if begins is None:
+            begins = self._begins[of] = _line(self._text, of, self._last)
+            self._last = max(begins, 0)
+        if begins < 0:
+            return None
+        at = self._text.find(b"\n" + of + _beginning(number), begins)
+        if at < 0:
+            return None
+        cells = self._cells(at + 1)
+        if len(cells) != len(COLUMNS):
+            why = f"it has {len(cells)} cells, not {len(COLUMNS)}"
+            raise DataError("a row can't be read", file=self._path, fix=why)
+        return rows_of([cells], self._path)[0]
+
+    def _cells(self, at: int) -> list[str]:
+        """The cells of the line that begins there."""
+        end = self._text.find(b"\n", at)
+        try:
+            line = self._text[at : end if end >= 0 else None].decode()
+            # what no quote stands in needs no parser
+            return next(csv.reader([line])) if '"' in line else line.split(",")
+        except (ValueError, csv.Error) as error:
+            raise DataError("a row can't be read", file=self._path, fix=str(error)) from None
 
 
 def select_bins(
@@ -65,7 +100,7 @@ def select_bins(
     Args:
         path: of a table of errors by phase, for messages.
         text: its content.
-        takes: the takes, of one case and condition; those that the table lacks are left out.
+        takes: the takes; those that the table lacks are left out.
         reference: against which,
         metric: which error,
         point: and where.
@@ -74,34 +109,56 @@ def select_bins(
         DataError: other columns, or a cell of another type.
     """
     _check_header(path, text, PHASE_COLUMNS)
-    case, what = f"{takes[0].case},{takes[0].condition}", f"{reference},{metric},{point}"
-    # the bins of a take stand below each other: lines that begin alike
-    block = rf"\n({re.escape(case)},(\d+),(\d+),{re.escape(what)},)[^\n]*(?:\n\1[^\n]*)*"
-    known = {(take.mount, take.repeat) for take in takes}
     bins: dict[Place, tuple[Ints, Floats]] = {}
-    try:
-        for found in re.finditer(block.encode(), text):
-            start, place = found[1], (int(found[2]), int(found[3]))
-            if place in bins:
-                raise ValueError(f"the bins of mount {place[0]}, repeat {place[1]} are torn apart")
-            cells = found[0][len(start) + 1 :].replace(b"\n" + start, b",").split(b",")
-            if place in known:
-                bins[place] = _bins(cells)
-    except ValueError as error:
-        raise DataError("a row can't be read", file=path, fix=str(error)) from None
+    table, last = BytesIO(text), 0
+    for take in takes:
+        of = (take.case, take.condition, str(take.mount), str(take.repeat))
+        begins = _beginning((*of, reference, metric, point))
+        at = _line(text, begins, last)
+        if at < 0:
+            continue
+        last = at
+        table.seek(at + 1)
+        try:
+            bins[take.mount, take.repeat] = _bins(_alike(table, begins))
+        except ValueError as error:
+            raise DataError("a row can't be read", file=path, fix=str(error)) from None
     return bins
 
 
-def _bins(cells: Sequence[bytes]) -> tuple[Ints, Floats]:
-    """Bins and mean squares, of cells of phase, mean, mean square and unit, row by row."""
-    if len(cells) % 4:
-        raise ValueError("it has not as many cells as the header")
-    number, square = np.array([*map(int, cells[::4])]), np.array([*map(float, cells[2::4])])
+def _alike(table: BytesIO, begins: bytes) -> list[bytes]:
+    """The lines that follow and begin so."""
+    return list(takewhile(lambda line: line.startswith(begins), table))
+
+
+def _bins(lines: Sequence[bytes]) -> tuple[Ints, Floats]:
+    """Phases and mean squares of rows."""
+    read = np.loadtxt(
+        lines, _BIN, comments=None, delimiter=",", usecols=_BIN_AT, ndmin=1, quotechar='"'
+    )
+    number, square = read["phase"].copy(), read["mean_square"].copy()
     if (np.diff(number) <= 0).any():
         raise ValueError("the bins of a take don't follow each other")
     if not (np.isfinite(square) & (square >= 0.0)).all():
         raise ValueError("a mean square is a number, and not negative")
     return number, square
+
+
+def _line(text: bytes, begins: bytes, near: int) -> int:
+    """Where the line break before the first such line is; -1 where there is none.
+
+    Tables are in the order of takes: what is sought next mostly stands below the last that was.
+    """
+    found = text.find(b"\n" + begins, near)
+    return text.find(b"\n" + begins) if found < 0 < near else found
+
+
+@lru_cache(maxsize=1024)
+def _beginning(cells: tuple[str, ...]) -> bytes:
+    """How a line, or a part of one, begins that has these cells."""
+    line = StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()[:-1].encode() + b","
 
 
 def _check_header(path: Path, text: bytes, columns: Sequence[str]) -> None:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from vrbench.config.case import UNCOVERED
 from vrbench.config.schedule import DEFAULT
 from vrbench.config.suite import Suite
 from vrbench.errors import DataError
-from vrbench.results.board import FLOORED, STATISTICS, BoardKey
+from vrbench.results.board import BoardKey
 from vrbench.results.bundle import Bundle
+from vrbench.results.numbers import Numbers, read_numbers
 from vrbench.results.record import RECORD, RunRecord, TakeRecord
-from vrbench.results.selection import select_rows
+from vrbench.results.selection import MetricTable
 from vrbench.results.tables import STATUSES, Row
-
-# A take's number, and how many samples it rests on.
-Sampled = tuple[float, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,15 +29,8 @@ class Standing:
         takes: the takes that the number rests on.
         before: for a board of changes, those of the baseline.
         row: the ranking number; None where there is none.
-        pooled: the rows of the ranking metric over all takes, by statistic.
-        by_take: the ranking metric by mount and repeat,
-        before_by_take: and that of the baseline.
-        floor: the largest noise floor among the takes; None where one of them has none, and of
-            metrics that it isn't the floor of.
-        coverage: the least share of valid poses [%],
-        epochs: and the most world frames; None where one of the takes lacks it.
-        failed: takes that could not be scored.
-        invalid: takes that the gate refuses.
+        numbers: what the table says of the takes,
+        base: and, for a board of changes, of those of the baseline.
         status: `ok`, or why it isn't ranked: a status of rows, or one of words,
         reason: and why, in words.
     """
@@ -51,17 +40,11 @@ class Standing:
     key: BoardKey
     takes: Sequence[TakeRecord]
     before: Sequence[TakeRecord]
-    row: Row | None = None
-    pooled: dict[str, Row] = field(default_factory=dict)
-    by_take: dict[tuple[int, int], Sampled] = field(default_factory=dict)
-    before_by_take: dict[tuple[int, int], Sampled] = field(default_factory=dict)
-    floor: float | None = None
-    coverage: float | None = None
-    epochs: float | None = None
-    failed: int = 0
-    invalid: int = 0
-    status: str = "ok"
-    reason: str = ""
+    row: Row | None
+    numbers: Numbers
+    base: Numbers | None
+    status: str
+    reason: str
 
     @property
     def run(self) -> str:
@@ -110,47 +93,28 @@ def standings(bundle: Bundle, protocol: str) -> list[Standing]:
     """What a run says on each of its boards.
 
     Raises:
-        DataError: it has no metrics yet, or none that the suite ranks by, they were changed, or its
-            suite isn't that of its digest.
+        DataError: it has no metrics yet, or none that the suite ranks by, they were
+            changed, or its suite isn't that of its digest.
     """
-    suite = _suite(bundle)
-    reference, rank = bundle.record.references[0], suite.rank
+    suite, record = _suite(bundle), bundle.record
     name = f"metrics/{protocol}.csv"
-    path, text = bundle.folder / name, bundle.content(name)
-    metric, numbers = re.escape(rank.metric), "|".join(sorted({*STATISTICS, rank.statistic}))
-    ranking = rf"{metric},{rank.point},all,(?:{numbers})"
-    # what could not be computed has neither point nor statistic
-    others = (rf"{metric},,all,value", "coverage[.](?:valid|epochs)", f"floor[.]total,{rank.point}")
-    rows = select_rows(path, text, reference=reference, variant="main", cells=(ranking, *others))
-    if baseline_of(suite):
-        rows += select_rows(
-            path, text, reference=reference, variant="vs-baseline", cells=(ranking, others[0])
-        )
-    if not any(row.metric == rank.metric for row in rows):
+    path = bundle.folder / name
+    table = MetricTable(path, bundle.content(name))
+    groups = _groups(bundle, suite, protocol)
+    found: dict[BoardKey, Numbers] = {}
+    for key, takes in groups.items():
+        change = is_change(suite, key.condition)
+        found[key] = read_numbers(table, key, suite.rank, takes, change=change)
+    if not any(numbers.ranking for numbers in found.values()):
+        rank = suite.rank
         raise DataError(
-            f"protocol {protocol} gives no {rank.metric} at the {rank.point} against {reference}, "
-            f"by which {suite.label} ranks",
+            f"protocol {protocol} gives no {rank.metric} at the {rank.point} against "
+            f"{record.references[0]}, by which {suite.label} ranks",
             file=path,
             fix="`vrbench report` and `compare` show what it gives",
         )
-    by_case: dict[tuple[str, str], list[Row]] = defaultdict(list)
-    for row in rows:
-        by_case[row.case, row.condition].append(row)
-    groups = _groups(bundle, suite, protocol)
-    found = []
-    for key, takes in groups.items():
-        before: list[TakeRecord] = []
-        if is_change(suite, key.condition):
-            before = [
-                take
-                for other, group in groups.items()
-                if (other.case, other.condition) == (key.case, baseline_of(suite))
-                for take in group
-            ]
-        mine = by_case[key.case, key.condition]
-        base = by_case[key.case, baseline_of(suite) or ""] if before else []
-        found.append(_standing(bundle, suite, key, takes, before, mine, base))
-    return found
+    baselines = {key.case: key for key in groups if key.condition == baseline_of(suite)}
+    return [_standing(bundle, suite, key, groups, found, baselines.get(key.case)) for key in groups]
 
 
 def _suite(bundle: Bundle) -> Suite:
@@ -191,29 +155,15 @@ def _standing(
     bundle: Bundle,
     suite: Suite,
     key: BoardKey,
-    takes: Sequence[TakeRecord],
-    before: Sequence[TakeRecord],
-    rows: Sequence[Row],
-    base: Sequence[Row],
+    groups: Mapping[BoardKey, Sequence[TakeRecord]],
+    found: Mapping[BoardKey, Numbers],
+    baseline: BoardKey | None,
 ) -> Standing:
-    rank = suite.rank
-    main = [row for row in rows if row.variant == "main"]
-    ranking = [row for row in main if row.metric == rank.metric]
+    numbers, takes = found[key], groups[key]
     change = is_change(suite, key.condition)
-    pooled = {r.statistic: r for r in ranking if _is_pooled(r, takes)}
-    if change:
-        changes = [r for r in rows if r.variant == "vs-baseline" and r.repeat == "all"]
-        row = next((r for r in changes if r.statistic == rank.statistic), None)
-    else:
-        row = pooled.get(rank.statistic)
-    coverage = _extreme(min, main, "coverage.valid")
-    epochs = _extreme(max, main, "coverage.epochs")
-    troubled = {
-        (r.mount, r.repeat): r.status
-        for r in ranking
-        if r.status in ("failed", "invalid") and "all" not in (r.mount, r.repeat)
-    }
-    status, reason = _judged(suite, takes, [*main, *base], row, coverage, epochs, change=change)
+    base = found[baseline] if change and baseline else None
+    row = numbers.change if change else numbers.pooled.get(suite.rank.statistic)
+    status, reason = _judged(suite, takes, numbers, base, row, change=change)
     if status == "ok" and (gone := _gone(bundle)):
         status, reason = "takes missing", f"{gone} of its takes aren't there to be evaluated again"
     return Standing(
@@ -221,16 +171,10 @@ def _standing(
         suite=suite,
         key=key,
         takes=takes,
-        before=before,
+        before=groups[baseline] if change and baseline else (),
         row=row if status not in ("failed", "invalid") else None,
-        pooled=pooled if status not in ("failed", "invalid") else {},
-        by_take=_by_take(ranking, rank.statistic),
-        before_by_take=_by_take([r for r in base if r.metric == rank.metric], rank.statistic),
-        floor=_extreme(max, main, "floor.total") if rank.metric.startswith(FLOORED) else None,
-        coverage=coverage,
-        epochs=epochs,
-        failed=sum(status == "failed" for status in troubled.values()),
-        invalid=sum(status == "invalid" for status in troubled.values()),
+        numbers=numbers,
+        base=base,
         status=status,
         reason=reason,
     )
@@ -240,37 +184,18 @@ def _gone(bundle: Bundle) -> int:
     """How many takes that were recorded aren't in the folder."""
     folder = bundle.folder / "takes"
     there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-    recorded = [take for take in bundle.record.takes if take.status == "ok"]
-    return sum(Path(take.file).name not in there for take in recorded)
-
-
-def _is_pooled(row: Row, takes: Sequence[TakeRecord]) -> bool:
-    """Whether a row is of all takes together, or of the only one."""
-    if (row.segment, row.band) != ("all", "all"):
-        return False
-    if len(takes) > 1:
-        return (row.mount, row.repeat) == ("all", "all")
-    return (row.mount, row.repeat) == (str(takes[0].mount), str(takes[0].repeat))
-
-
-def _by_take(rows: Iterable[Row], statistic: str) -> dict[tuple[int, int], Sampled]:
-    return {
-        (int(row.mount), int(row.repeat)): (row.value, row.samples)
-        for row in rows
-        if row.value is not None
-        and row.variant == "main"
-        and (row.statistic, row.segment) == (statistic, "all")
-        and "all" not in (row.mount, row.repeat)
-    }
+    recorded = [
+        take.file.removeprefix("takes/") for take in bundle.record.takes if take.status == "ok"
+    ]
+    return sum(name not in there for name in recorded)
 
 
 def _judged(
     suite: Suite,
     takes: Sequence[TakeRecord],
-    rows: Sequence[Row],
+    numbers: Numbers,
+    base: Numbers | None,
     chosen: Row | None,
-    coverage: float | None,
-    epochs: float | None,
     *,
     change: bool,
 ) -> tuple[str, str]:
@@ -278,34 +203,25 @@ def _judged(
 
     Whether its interval speaks for more than its takes is judged of all its sittings together.
     """
-    troubled = [r for r in rows if r.metric == suite.rank.metric]
-    troubled = [row for row in troubled if row.status in ("failed", "invalid")]
+    rows = [*numbers.ranking, *(base.ranking if base else ())]
+    troubled = [row for row in rows if row.status in ("failed", "invalid")]
     if troubled:
         worst = min(troubled, key=lambda row: STATUSES.index(row.status))
         return worst.status, worst.reason
-    if chosen is None or chosen.value is None:
-        what = "the change against the baseline" if change else suite.rank.metric
-        if chosen is None or chosen.status == "ok":
-            return "failed", f"{what} was not computed"
-        return chosen.status, chosen.reason
+    what = "the change against the baseline" if change else suite.rank.metric
+    if None in numbers.takes.values():
+        return "failed", f"{what} was not computed of every take"
+    if chosen is None or (chosen.value is None and chosen.status == "ok"):
+        return "failed", f"{what} was not computed"
     if chosen.status != "ok":
         return chosen.status, chosen.reason
     done = min(take.fraction for take in takes)
     if done < 1.0:
         return "not completed", f"the robot did {done * 100:.3g} % of the motion"
-    if coverage is None:
+    if numbers.coverage is None:
         return "no coverage", "coverage was not computed"
-    if coverage < suite.rank.min_coverage * 100:
+    if numbers.coverage < suite.rank.min_coverage * 100:
         return "low coverage", f"the suite asks for {suite.rank.min_coverage:.0%} valid poses"
-    if epochs is not None and epochs > 1:
+    if numbers.epochs is not None and numbers.epochs > 1:
         return "recentred", "each world frame of a take is aligned apart, which flatters it"
     return "ok", ""
-
-
-def _extreme(
-    choose: Callable[[Iterable[float]], float], rows: Sequence[Row], metric: str
-) -> float | None:
-    """The least or the largest of a metric among the takes; None where one of them has none."""
-    found = [r.value for r in rows if r.metric == metric and r.repeat != "all"]
-    known = [value for value in found if value is not None]
-    return choose(known) if known and len(known) == len(found) else None

@@ -10,7 +10,8 @@ from typing import Protocol
 from vrbench.config.case import ALL, OPENING, UNCOVERED
 from vrbench.config.rig import Rig
 from vrbench.config.suite import Case, Step, Suite
-from vrbench.devices.ports import HeadsetProfile, Occlusion, Operator, Plan, Robot, Session
+from vrbench.devices.ports import Occlusion, Operator, Plan, Robot, Session
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.errors import ConfigError
 from vrbench.motion.motion import at_speed
 from vrbench.recording.interrupt import Interrupt

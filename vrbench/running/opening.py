@@ -14,9 +14,10 @@ from vrbench.config.case import UNCOVERED
 from vrbench.config.rig import SIMULATED, DeviceChoice, Rig
 from vrbench.config.suite import Suite
 from vrbench.devices.host import RealClock
-from vrbench.devices.ports import HeadsetProfile, PoseSource, Robot, Session
+from vrbench.devices.ports import PoseSource, Robot, Session
 from vrbench.devices.simulated.robot import START_EYE
 from vrbench.devices.simulated.stage import Stage, VirtualClock
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench.plugin.manager import Plugins, check_options, pick

@@ -22,6 +22,7 @@ from vrbench.protocols.protocol import reference_trajectory
 from vrbench.results.record import TakeRecord
 from vrbench.results.tables import Row
 from vrbench.scoring.rules import Rules
+from vrbench.statistics import NORMAL_95
 from vrbench.streams import Columns
 from vrbench.trajectory import NS
 
@@ -71,7 +72,7 @@ def _values(columns: Columns) -> Iterator[Value]:
             lengths = np.linalg.norm(part, axis=1)
             yield from summarise(name, lengths, unit, point="body", band=band, only=SHOWN)
     offset = float(best.clock.offset_ns(int(seen.t[len(seen) // 2]))) / 1e6
-    reach = 1.96 * best.sigma("offset") * 1e3
+    reach = NORMAL_95 * best.sigma("offset") * 1e3
     yield Value(
         *("references.offset", "value", offset, "ms", len(seen)),
         point="body",

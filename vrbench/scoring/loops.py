@@ -22,6 +22,7 @@ from vrbench.results.tables import Row
 from vrbench.scoring.cases import Scored, with_intervals
 from vrbench.scoring.family_rows import family_rows
 from vrbench.scoring.rules import Rules
+from vrbench.statistics import NORMAL_95
 from vrbench.statistics.bootstrap import LEVEL
 from vrbench.statistics.paired import by_phase, paired_difference
 from vrbench.statistics.uncertainty import (
@@ -34,7 +35,6 @@ from vrbench.trajectory import NS
 
 # On the reference's clock already: what is left of the offset is fitted.
 NO_OFFSET = ClockMap(np.array([0], dtype=np.int64), np.array([0.0]))
-SIGMAS = 1.96
 # Of a family that gives hundreds of numbers, what is worth having of every loop.
 OF_LOOPS = ("ape.translation.aligned", "ape.rotation.aligned")
 STATISTICS = ("rmse", "mean", "max")
@@ -123,7 +123,7 @@ def _loops(whole: ScoredTake, of: Ints) -> Iterator[Loop]:
 def _offsets(loops: Sequence[Loop]) -> Iterator[Value]:
     """The clock's offset in each loop."""
     for loop in loops:
-        reach = SIGMAS * loop.sigma_ms
+        reach = NORMAL_95 * loop.sigma_ms
         yield Value(
             "clock.offset",
             "value",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from vrbench.geometry import Floats, Ints
 Statistic = Literal["rmse", "mean"]
 # From the number of replicates to the errors of each series in each of them (replicates, n).
 Redraw = Callable[[np.random.Generator, int], Sequence[Floats]]
+# Indices of repeats by sitting, and in each of them by mount.
+Groups = list[list[list[int]]]
+Member = TypeVar("Member")
 
 LEVEL = 0.95
 REPLICATES = 1000
@@ -88,7 +91,8 @@ def bootstrap(
     sums = [running_sums(_powers(e, statistic)) for e in errors]
     places = [(s.sitting, s.mount) for s in series]
     total, count = np.zeros(replicates), np.zeros(replicates)
-    drawn = [draw_members(places, rng) for _ in range(replicates)]
+    groups = nested(places)
+    drawn = [draw_members(groups, rng) for _ in range(replicates)]
     for place in range(max(map(len, drawn))):
         member = np.array([d[place] if place < len(d) else -1 for d in drawn])
         for i, length in enumerate(lengths):
@@ -146,35 +150,33 @@ def scope_of(places: Sequence[tuple[Hashable, Hashable]]) -> str:
     return "sitting" if len({sitting for sitting, _ in places}) > 1 else "mount"
 
 
-def draw_members(
-    places: Sequence[tuple[Hashable, ...]], rng: np.random.Generator, first: int = 0
-) -> list[int]:
-    """Indices of repeats drawn with replacement, level by level.
+def nested(places: Sequence[tuple[Hashable, Hashable]]) -> Groups:
+    """The repeats, given sitting and mount of each."""
+    groups: dict[Hashable, dict[Hashable, list[int]]] = {}
+    for i, (sitting, mount) in enumerate(places):
+        groups.setdefault(sitting, {}).setdefault(mount, []).append(i)
+    return [list(mounts.values()) for mounts in groups.values()]
+
+
+def draw_members(groups: Groups, rng: np.random.Generator) -> list[int]:
+    """Repeats drawn with replacement, level by level.
 
     Args:
-        places: the groups of each repeat, from the outermost in.
+        groups: the repeats, `nested`.
         rng: where the randomness comes from.
-        first: added to the indices.
     """
-    if len(places) == 1:
-        return [first]
-    return [first + i for i in _draw(list(range(len(places))), places, 0, rng)]
+    return [
+        repeat
+        for sitting in _drawn(groups, rng)
+        for mount in _drawn(sitting, rng)
+        for repeat in _drawn(mount, rng)
+    ]
 
 
-def _draw(
-    members: list[int],
-    places: Sequence[tuple[Hashable, ...]],
-    depth: int,
-    rng: np.random.Generator,
-) -> list[int]:
-    if depth == len(places[members[0]]):
-        return [members[i] for i in rng.integers(len(members), size=len(members))]
-    groups: dict[Hashable, list[int]] = {}
-    for i in members:
-        groups.setdefault(places[i][depth], []).append(i)
-    names = list(groups)
-    chosen = rng.integers(len(names), size=len(names))
-    return [i for k in chosen for i in _draw(groups[names[k]], places, depth + 1, rng)]
+def _drawn(members: list[Member], rng: np.random.Generator) -> list[Member]:
+    if len(members) == 1:
+        return members
+    return [members[i] for i in rng.integers(len(members), size=len(members)).tolist()]
 
 
 def running_sums(values: Floats) -> Floats:

@@ -11,9 +11,10 @@ from vrbench.estimation.blocks import block_covariance
 from vrbench.geometry import Floats
 from vrbench.metrics.compared import MM, aligned
 from vrbench.metrics.scored import ScoredTake
+from vrbench.statistics import NORMAL_95
 from vrbench.statistics.bootstrap import Interval
 from vrbench.statistics.following import STEP, Errors
-from vrbench.statistics.uncertainty import NORMAL_95, TRANSLATION, moved_x, time_bins
+from vrbench.statistics.uncertainty import TRANSLATION, moved_x, time_bins
 
 
 def scale_intervals(

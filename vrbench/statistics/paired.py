@@ -17,6 +17,7 @@ from vrbench.statistics.bootstrap import (
     draw_members,
     expanded_percentiles,
     independent_members,
+    nested,
     scope_of,
 )
 
@@ -108,6 +109,7 @@ def paired_difference(
     common = _common([*first, *second])
     runs = [np.array([_rows(p, common) for p in run]) for run in (first, second)]
     places = [[(p.sitting, p.mount) for p in run] for run in (first, second)]
+    groups = [nested(place) for place in places]
     per_bin = runs[0].mean(axis=0) - runs[1].mean(axis=0)
     n = len(common)
     length = max(1, min(block_length(per_bin), n // MIN_BLOCKS))
@@ -117,8 +119,8 @@ def paired_difference(
         starts = rng.integers(n, size=blocks)
         drawn = ((starts[:, None] + np.arange(length)).ravel()[:n]) % n
         a, b = (
-            _rmse(run[draw_members(place, rng)][:, drawn])
-            for run, place in zip(runs, places, strict=True)
+            _rmse(run[draw_members(group, rng)][:, drawn])
+            for run, group in zip(runs, groups, strict=True)
         )
         found[k] = a - b
     members = min(independent_members(place, blocks) for place in places)

@@ -136,16 +136,20 @@ class _Pairs:
         """How likely so large a difference is of two numbers that are the same.
 
         Args:
-            enough: chances above it may be given too small, but not below it.
+            enough: chances above it may be given as 1.
         """
-        from scipy.special import stdtr
+        from scipy.special import stdtr, stdtrit
 
         with np.errstate(divide="ignore", invalid="ignore"):
-            chance = 2.0 * stdtr(self._own_freedom, -self._apart / np.sqrt(self._own))
-            chance[self._buried | (self._apart == 0.0)] = 1.0
-            open_ = chance <= enough
-            t = self._apart[open_] / np.sqrt(self._both[open_])
-            chance[open_] = np.maximum(chance[open_], 2.0 * stdtr(self._freedom[open_], -t))
+            alone, together = self._apart / np.sqrt(self._own), self._apart / np.sqrt(self._both)
+        chance = np.ones(len(alone))
+        open_ = alone > -stdtrit(self._own_freedom, enough / 2.0)
+        chance[open_] = 2.0 * stdtr(self._freedom[open_], -together[open_])
+        # the smaller t is the likelier, unless it has the lighter tail
+        lighter = open_ & (self._freedom > self._own_freedom)
+        by_clusters = 2.0 * stdtr(self._own_freedom, -alone[lighter])
+        chance[lighter] = np.maximum(chance[lighter], by_clusters)
+        chance[self._buried | (self._apart == 0.0)] = 1.0
         return chance
 
     def half_widths(self, level: float) -> Floats:

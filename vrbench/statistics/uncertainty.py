@@ -12,6 +12,7 @@ from vrbench.estimation.blocks import block_covariance, block_length
 from vrbench.geometry import Floats, Ints, Transform, cross, quat_multiply, rotvec_to_quat
 from vrbench.metrics.compared import MM, Compared, aligned
 from vrbench.metrics.scored import ScoredTake
+from vrbench.statistics import NORMAL_95
 from vrbench.statistics.bootstrap import Interval, Series, bootstrap
 from vrbench.statistics.following import STEP, Errors, Key, Vectors, errors_of, shares
 from vrbench.trajectory import NS
@@ -21,7 +22,6 @@ BIN_S = 0.1
 # Longer takes have longer bins, or an hour's replicates would not fit into memory.
 MOST_BINS = 10_000
 REPLICATES = 500
-NORMAL_95 = 1.96
 TRANSLATION, ROTATION = "ape.translation.aligned", "ape.rotation.aligned"
 
 

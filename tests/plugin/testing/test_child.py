@@ -12,7 +12,7 @@ from vrbench.plugin.testing.verdicts import NonconformityError
 DEVICE = """
 import time
 {top}
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.errors import DeviceError
 from vrbench.plugin import hookimpl
 

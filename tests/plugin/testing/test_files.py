@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.geometry import OPENXR, ROS, UNITY, Axes, Transform
 from vrbench.plugin.sample import write_sample
 from vrbench.plugin.scaffold import TEMPLATE

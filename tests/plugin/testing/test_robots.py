@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from vrbench.devices.ports import Plan, RobotSpec
+from vrbench.devices.ports import Plan
+from vrbench.devices.specs import RobotSpec
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench.plugin.testing import RobotConformance

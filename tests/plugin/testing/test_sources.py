@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec
 from vrbench.devices.rehearsal import Rehearsal
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.geometry import UNITY, Axes, Transform
 from vrbench.plugin.testing import HeadsetConformance, MocapConformance, opening, patience
 from vrbench.plugin.testing.offered import check_options

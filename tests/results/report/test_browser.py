@@ -1,11 +1,14 @@
 """Pages in Chromium: drawn without complaint, used by keyboard, readable small and dark."""
 
+import json
 from itertools import pairwise
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from tests.results.report.conftest import SCRIPT, TURNED
+from vrbench.results.report import pages
 
 # The ratio of luminances of WCAG 2, between a text's colour and what lies behind it.
 CONTRAST = """() => {
@@ -139,6 +142,23 @@ def test_the_path_turns_by_keyboard_and_has_plain_views(open_page, report):
         assert "".join(text[0] for text in path.locator("text").all_text_contents()) == sides
 
 
+def test_a_path_as_slender_as_a_pillar_stays_within_its_figure(open_page, tmp_path):
+    spec = {"title": "Pillar", "summary": "", "note": "", "top": 1, "error": None}
+    spec["xyz"] = [[0, 0.1, 0], [0, 0, 0.1], [0, 1, 2]]
+    folder = Path(pages.__file__).parent
+    scripts = [(folder / name).read_text() for name in ("chart.js", "space.js")]
+    scripts.append(f"new Space(document.body, {json.dumps(spec)})")
+    (tmp_path / "pillar.html").write_text(f"<body><script>{''.join(scripts)}</script>")
+    page = open_page(tmp_path / "pillar.html")
+    pillar = figure(page, "Pillar").locator("> svg")
+    pillar.locator(".cage").wait_for(state="attached")
+    reach = "(all) => all.map((one) => one.getBBox()).flatMap((b) => [b.y, b.y + b.height])"
+    for mark in (".cage", "text"):
+        ends = pillar.locator(mark).evaluate_all(reach)
+        assert min(ends) >= 0
+        assert max(ends) <= float(pillar.get_attribute("height"))
+
+
 def test_a_thumb_on_the_path_scrolls_the_page(open_page, report):
     page = drawn(open_page(report, width=390))
     for chart in page.locator("figure > svg").all():
@@ -156,6 +176,7 @@ def test_names_that_are_too_long_are_cut_and_told_whole(open_page, site):
 
 def test_on_paper_tables_have_all_their_columns(open_page, report):
     page = drawn(open_page(report, width=700))
+    page.evaluate("document.querySelectorAll('details').forEach((all) => { all.open = true; })")
     page.emulate_media(media="print")
     cut = "(all) => all.filter((e) => e.checkVisibility() && e.scrollWidth > e.clientWidth).length"
     assert page.locator(".scroll").evaluate_all(cut) == 0

@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 import pytest
 
 from tests.results.report.conftest import SCRIPT
+from vrbench.config.suite import load_suite
 from vrbench.errors import ConfigError, DataError
 from vrbench.results.bundle import Bundle
 from vrbench.results.leaderboard import leaderboard
@@ -17,7 +18,14 @@ from vrbench.results.report import pages
 from vrbench.results.report.pages import TURNING, cells, fixed, json_text, number, sentence, three
 from vrbench.results.report.run_intervals import forests
 from vrbench.results.report.run_page import run_page, write_report
-from vrbench.results.report.run_tables import columns, numbers_of, ranking, results_of, shown
+from vrbench.results.report.run_tables import (
+    columns,
+    headline,
+    numbers_of,
+    ranking,
+    results_of,
+    shown,
+)
 from vrbench.results.tables import Row, parse_cells, read_rows, rows_of, write_rows
 
 PROTOCOL = "vrbench-1"
@@ -240,6 +248,19 @@ def test_what_is_ranked_stands_in_the_table_of_takes(short_suite):
     assert forest["label"] == "jitter.position, rmse at the eye"
     assert "no intervals" in forest["note"]
     assert [column[0] for column in columns(rows, short_suite)] == ["rmse"]
+
+
+def test_conditions_stand_in_the_order_of_the_suite_and_none_is_left_out():
+    """Takes are recorded in an order drawn by lot."""
+    suite = load_suite("speed-sweep")
+    drawn = ["speed-125", "speed-50", "speed-150", "speed-100", "speed-75"]
+    rows = [as_row(case="sweep", condition=c, mount="all", repeat="all", value=2.0) for c in drawn]
+    numbers = numbers_of(rows)
+    results = results_of(rows, numbers, suite)
+    wanted = [condition.id for condition in suite.conditions]
+    assert [line.place[2] for line in results["robot"]] == wanted
+    named = [tile["name"].split(":")[0] for tile in headline(results, numbers, suite)]
+    assert named == [f"sweep {condition}" for condition in wanted]
 
 
 def test_rows_that_the_page_needs_are_kept_and_their_number_is_small(run):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from vrbench import __version__
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Session, Tracking
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.answers import Answers
 from vrbench.devices.simulated.noise import correlated, losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
 from vrbench.devices.simulated.worlds import Worlds
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec, Tracking
 from vrbench.geometry import (
     Bools,
     Floats,
@@ -90,12 +90,7 @@ class SimulatedHeadset:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         pass
 
     def start(self, take: str) -> None:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from types import TracebackType
 from typing import Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from vrbench.clocks import Exchanges
-from vrbench.devices.ports import MocapSpec, Session
+from vrbench.devices.ports import Session
 from vrbench.devices.simulated.noise import losses, rng_of
 from vrbench.devices.simulated.stage import Stage, as_json
 from vrbench.devices.simulated.worlds import Y_UP
+from vrbench.devices.specs import MocapSpec
 from vrbench.geometry import Ints, Transform, quat_multiply, rotvec_to_quat
 from vrbench.streams import GOOD, Columns, Samples
 from vrbench.trajectory import NS
@@ -61,12 +61,7 @@ class SimulatedMocap:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         pass
 
     def start(self, take: str) -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Generator
-from types import TracebackType
 from typing import Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import Plan, RobotSpec, Session
+from vrbench.devices.ports import Plan, Session
 from vrbench.devices.simulated.noise import correlated, rng_of
 from vrbench.devices.simulated.stage import Stage
+from vrbench.devices.specs import RobotSpec
 from vrbench.geometry import Floats, Transform, quat_multiply, rotvec_to_quat
 from vrbench.streams import Columns, Samples
 from vrbench.trajectory import NS, Trajectory
@@ -65,12 +65,7 @@ class SimulatedRobot:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         pass
 
     def plan(self, motion: Trajectory) -> Plan:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from vrbench.devices.ports import Tracking
 from vrbench.devices.simulated.noise import rng_of
 from vrbench.devices.simulated.stage import as_json
+from vrbench.devices.specs import Tracking
 from vrbench.geometry import Floats, Ints, Transform, quat_multiply, quat_rotate, rotvec_to_quat
 from vrbench.trajectory import NS
 

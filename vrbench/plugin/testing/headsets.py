@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from vrbench.devices.ports import HeadsetProfile
 from vrbench.devices.rehearsal import RECENTRE_EVERY_S
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.plugin.testing.offered import WithStandIn
 from vrbench.plugin.testing.sources import SourceConformance, clear_of
 from vrbench.plugin.testing.verdicts import NotCheckedError, require

@@ -11,8 +11,9 @@ import numpy as np
 
 from vrbench.config.rig import Mounting
 from vrbench.devices.host import RealClock
-from vrbench.devices.ports import HeadsetProfile, PoseSource, Session
+from vrbench.devices.ports import PoseSource, Session
 from vrbench.devices.rehearsal import Rehearsal
+from vrbench.devices.specs import HeadsetProfile
 from vrbench.plugin.testing.patience import Tell, limited
 from vrbench.plugin.testing.verdicts import NonconformityError, require
 from vrbench.streams import Columns, Samples

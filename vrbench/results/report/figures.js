@@ -66,6 +66,7 @@ class Forest {
     const label = node("text", { y: bottom + 36, class: "label", "text-anchor": "middle" }, this.svg, `${this.spec.label} (${unit})`);
     const half = label.getComputedTextLength() / 2;
     label.setAttribute("x", Math.max(half, Math.min((left + right) / 2, width - half)));
+    const told = numerals(rows);
     rows.forEach((row, k) => {
       const y = middle(k);
       const cls = row.pooled ? "s2" : row.status === "published" ? "s4" : "s1";
@@ -75,9 +76,17 @@ class Forest {
       }
       const size = row.pooled ? 5.5 : 4;
       node("circle", { cx: x.at(row.value).toFixed(1), cy: y, r: size, class: `dot ${row.status === "ok" ? cls : `${cls} open`}` }, this.svg);
-      node("text", { x: right + 8, y: y + 4, class: row.pooled ? "name pooled" : "name" }, this.svg, row.value.toPrecision(3));
+      node("text", { x: right + 8, y: y + 4, class: row.pooled ? "name pooled" : "name" }, this.svg, told(row.value));
     });
   }
+}
+
+/** How the values are written: to the second digit of the narrowest interval, where there is one. */
+function numerals(rows) {
+  const widths = rows.filter((row) => row.low !== null && row.high > row.low).map((row) => row.high - row.low);
+  if (!widths.length) return (value) => show(value);
+  const decimals = Math.min(Math.max(1 - Math.floor(Math.log10(Math.min(...widths))), 0), 6);
+  return (value) => value.toFixed(decimals).replace("-", "−");
 }
 
 /** Cuts a text that is wider than there is room; the whole of it stands in its title. */

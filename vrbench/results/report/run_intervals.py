@@ -7,7 +7,7 @@ from typing import Any
 
 from vrbench.config.suite import Suite
 from vrbench.results.board import FLOORED
-from vrbench.results.report.run_tables import Numbers, Place, Result, ranking
+from vrbench.results.report.run_tables import Numbers, Place, Result, ranking, suite_order
 from vrbench.results.tables import Row
 
 
@@ -74,12 +74,13 @@ def changes(rows: Sequence[Row], suite: Suite) -> list[Row]:
     """The ranking number of each condition minus that of the baseline, where there is one."""
     rank = suite.rank
     wanted = ("vs-baseline", rank.metric, rank.point, rank.statistic, "all", "all")
-    return [
+    found = [
         row
         for row in rows
         if (row.variant, row.metric, row.point, row.statistic, row.band, row.segment) == wanted
         and row.value is not None
     ]
+    return sorted(found, key=lambda row: suite_order(suite, row.case, row.condition))
 
 
 def forest_of_changes(found: Sequence[Row], suite: Suite) -> list[dict[str, Any]]:

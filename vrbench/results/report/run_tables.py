@@ -136,9 +136,17 @@ def results_of(
             Result(place, named, pooled, cells, ranked, status, reason)
         )
     for some in lines.values():
-        order = {name: k for k, name in enumerate(dict.fromkeys(line.place[1:3] for line in some))}
-        some.sort(key=lambda line: (order[line.place[1:3]], line.pooled))
+        some.sort(key=lambda line: (*suite_order(suite, *line.place[1:3]), line.pooled))
     return lines
+
+
+def suite_order(suite: Suite, case: str, condition: str) -> tuple[int, int]:
+    """Where the suite has a case and a condition; the takes are in an order drawn by lot."""
+    cases, conditions = [c.id for c in suite.cases], [c.id for c in suite.conditions]
+    return (
+        cases.index(case) if case in cases else len(cases),
+        conditions.index(condition) if condition in conditions else len(conditions),
+    )
 
 
 def _standings(rows: Iterable[Row], suite: Suite) -> dict[Place, tuple[str, str]]:
@@ -160,6 +168,15 @@ def _place(row: Row) -> Place:
     return (row.reference, row.case, row.condition, row.mount, row.repeat)
 
 
+# What stands beside the ranking number of a case, where there are few of them.
+OTHERS = (
+    ("APE, rmse at the tcp", "mm", APE, "tcp", "rmse"),
+    ("APE of rotation, rmse", "deg", "ape.rotation.aligned", "eye", "rmse"),
+    ("APE, largest at the eye", "mm", APE, "eye", "max"),
+)
+MOST_GROUPS = 3
+
+
 def headline(
     results: Mapping[str, Sequence[Result]], numbers: Mapping[Place, Numbers], suite: Suite
 ) -> list[dict[str, Any]]:
@@ -171,6 +188,8 @@ def headline(
         for line in lines:
             if line.place[1] in scored or not scored:
                 groups[line.place[1], line.place[2]] = line  # the last is the pooled one
+        # many conditions have their ranking numbers here, and the others in the table
+        others = len(groups) * len(results) <= MOST_GROUPS
         for (case, condition), line in groups.items():
             named = case if condition == "default" else f"{case} {condition}"
             named += f" by {reference}" if len(results) > 1 else ""
@@ -190,11 +209,7 @@ def headline(
                     "detail": detail,
                 }
             )
-            for title, unit, metric, point, statistic in (
-                ("APE, rmse at the tcp", "mm", APE, "tcp", "rmse"),
-                ("APE of rotation, rmse", "deg", "ape.rotation.aligned", "eye", "rmse"),
-                ("APE, largest at the eye", "mm", APE, "eye", "max"),
-            ):
+            for title, unit, metric, point, statistic in OTHERS if others else ():
                 other = numbers[line.place].get((metric, point, statistic))
                 if other is not None and other.value is not None:
                     tiles.append(
@@ -205,7 +220,7 @@ def headline(
                             "detail": "",
                         }
                     )
-    return tiles[:12]
+    return tiles
 
 
 STATISTICS = ("rmse", "mean", "median", "std", "min", "max", "p95")

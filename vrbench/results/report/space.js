@@ -91,10 +91,15 @@ class Space {
     const { xyz } = this.spec;
     const box = xyz.map((column) => extent([column], false));
     const middle = box.map(([lo, hi]) => (lo + hi) / 2);
-    const size = Math.hypot(...box.map(([lo, hi]) => hi - lo)) || 1;
-    const scale = (Math.min(width - 130, height - 40) / size) * 1.2;
+    const sides = box.map(([lo, hi]) => hi - lo);
+    const size = Math.hypot(...sides) || 1;
     const [yaw, pitch] = this.turn;
     const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
+    // how wide and how high the box is seen; a slender one reaches further than its share
+    const wide = sides[0] * Math.abs(cy) + sides[1] * Math.abs(sy);
+    const high = sides[2] * Math.abs(cp) + (sides[0] * Math.abs(sy) + sides[1] * Math.abs(cy)) * Math.abs(sp);
+    const [across, down] = [width - 130, height - 56];
+    const scale = Math.min((Math.min(across, height - 40) / size) * 1.2, across / (wide || size), down / (high || size));
     const flat = (p) => {
       const [a, b, c] = p.map((value, k) => value - middle[k]);
       const [u, v] = [a * cy - b * sy, a * sy + b * cy];

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Tracking
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec, Tracking
 
 NONE: Mapping[str, tuple[int, ...]] = {"none": ()}
 FOUR = {0: "upper left", 1: "upper right", 2: "lower left", 3: "lower right"}

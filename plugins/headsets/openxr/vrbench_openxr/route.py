@@ -7,14 +7,14 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from importlib.metadata import version
-from types import TracebackType
 from typing import Any, Literal, Self
 from uuid import uuid4
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
+from vrbench.devices.ports import Finding, Session
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns, Event, Samples, believed
 from vrbench_openxr.runtime import Located, Runtime, now_ns
@@ -64,12 +64,7 @@ class OpenXRHeadset:
         self._stack.enter_context(self._sampler)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stack.close()
 
     def start(self, take: str) -> None:

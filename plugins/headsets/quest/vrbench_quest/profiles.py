@@ -6,7 +6,7 @@ its recordings are the dataset `banaszczyk2024`.
 
 from __future__ import annotations
 
-from vrbench.devices.ports import HeadsetProfile, HeadsetSpec, Tracking
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec, Tracking
 
 # The Unity app logs once a frame. Quest 2 and Quest Pro kept 72.0 Hz in all recordings of the paper
 # (its text says 30); the Quest 3 is taken to do the same until a recording says otherwise.

@@ -8,14 +8,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Literal, Self
 
 from pydantic import Field
 
 from vrbench.devices.link import Link
 from vrbench.devices.listening import Listening, Place
-from vrbench.devices.ports import Finding, HeadsetProfile, HeadsetSpec, Session
+from vrbench.devices.ports import Finding, Session
+from vrbench.devices.specs import HeadsetProfile, HeadsetSpec
 from vrbench.errors import DeviceError
 from vrbench.streams import Columns
 from vrbench_quest.adb import Adb, findings, state_of
@@ -113,12 +113,7 @@ class QuestLogger:
                 f" token {self.token}\n\n"
             )
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stack.close()
 
     def start(self, take: str) -> None:

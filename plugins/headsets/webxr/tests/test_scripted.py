@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from vrbench_webxr import protocol
+from vrbench_webxr.door import HEADERS
 from vrbench_webxr.emulator import FakePage, batch, play, sway
 from vrbench_webxr.protocol import ProtocolError, parse_batch, parse_text
-from vrbench_webxr.server import HEADERS
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -176,6 +176,7 @@ def test_a_message_of_another_shape_is_refused_and_the_recorder_goes_on(
 ):
     headset.start("take")
     frames(page, 5)
+    wait_for(lambda: headset.link.acknowledged[0] == page.next)
     page.send_raw(data)
     wait_for(lambda: page.closed is not None)
     assert page.closed[0] == protocol.BAD_MESSAGE
@@ -347,7 +348,7 @@ def test_what_the_page_holds_while_the_recorder_is_away_is_not_lost(headset, pag
 def test_a_page_that_comes_again_replaces_its_own_dead_connection(headset, page, wait_for):
     headset.start("take")
     again = FakePage(headset.url, page=page.page)
-    again.next = again._first = page.next
+    again.next = page.next
     again.connect()
     wait_for(lambda: page.closed is not None)
     assert page.closed[0] == protocol.REPLACED

@@ -18,7 +18,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -36,7 +35,10 @@ RIDE_S = 0.03
 
 
 class FakePage:
-    """Speaks the protocol as the page does: it sends what it holds when it is pinged.
+    """Speaks the protocol as the page does: pinged, it sends what the recorder hasn't got yet.
+
+    It holds frames and events until they are acknowledged, and sends them again over the next
+    connection; but not what a connection carried that was closed with `BAD_MESSAGE`.
 
     Attributes:
         shift_ms: added to its clock; setting it makes the clock jump [ms].
@@ -53,10 +55,10 @@ class FakePage:
         self.closed: tuple[int, str] | None = None
         self.heard: list[dict[str, Any]] = []
         self.next = 0
-        self._first = 0
         self._held: list[Floats] = []
+        self._sent = 0
         self._events: list[dict[str, Any]] = []
-        self._event_id = 0
+        self._event_id = self._events_sent = 0
         self._connecting = connecting
         self._lock = threading.Lock()
         self._stack = contextlib.ExitStack()
@@ -67,12 +69,7 @@ class FakePage:
         self.connect()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.disconnect()
 
     def now_ms(self) -> float:
@@ -172,14 +169,29 @@ class FakePage:
         """Forgets the newest frames but not their numbers, as a full memory does."""
         with self._lock:
             del self._held[-count:]
-            self._flush_held()
-            self._first = self.next
-
-    def _flush_held(self) -> None:
-        if self._held:
-            self._socket.send(batch(self._first, np.array(self._held)))
-            self._first += len(self._held)
+            self.next -= count
+            self._send_new()
             self._held.clear()
+            self.next += count
+            self._sent = self.next
+
+    def _send_new(self) -> None:
+        """Sends what this connection hasn't carried yet."""
+        fresh = self._held[len(self._held) - (self.next - self._sent) :]
+        if fresh:
+            self._socket.send(batch(self._sent, np.array(fresh)))
+            self._sent = self.next
+        for event in self._events:
+            if event["id"] >= self._events_sent:
+                self.say(event)
+        self._events_sent = self._event_id
+
+    def _acknowledge(self, frame: int | None, event: int) -> None:
+        """Forgets frames before this number, and events up to this one."""
+        if frame is not None:
+            kept = max(self.next - frame, 0)
+            self._held = self._held[-kept:] if kept else []
+        self._events = [x for x in self._events if x["id"] > event]
 
     def _listen(self) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -188,19 +200,24 @@ class FakePage:
             for text in self._socket:
                 said = json.loads(text)
                 received = self.now_ms()
+                if said["type"] == "welcome":
+                    with self._lock:
+                        self._acknowledge(said["next"], -1)
+                        self._sent, self._events_sent = self.next - len(self._held), 0
                 if said["type"] != "ping":
                     self.heard.append(said)
                 elif self.answers:
                     with self._lock:
-                        self._flush_held()
-                        for event in self._events:
-                            self.say(event)
-                        self._events.clear()
+                        self._acknowledge(said["next"], said["event"])
+                        self._send_new()
                     times = {"received_ms": received, "sent_ms": self.now_ms()}
                     self.say({"type": "pong", "id": said["id"], **times})
         except ConnectionClosed:
             pass
         close = self._socket.protocol
+        if close.close_code == protocol.BAD_MESSAGE:
+            with self._lock:
+                self._acknowledge(self._sent, self._events_sent - 1)
         self.closed = (close.close_code or 1006, close.close_reason or "")
 
 

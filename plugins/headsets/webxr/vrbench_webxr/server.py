@@ -7,22 +7,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
 import logging
 import secrets
 import ssl
 import threading
-from http import HTTPStatus
-from importlib.resources import files
-from types import TracebackType
 from typing import Any, Self
-from urllib.parse import urlsplit
 
 from vrbench.devices.link import Link
 from vrbench.devices.ports import HostClock
 from vrbench.errors import DeviceError
 from vrbench.trajectory import NS
 from vrbench_webxr import protocol
+from vrbench_webxr.door import Door
 from vrbench_webxr.protocol import ProtocolError, message
 
 PING_S = 0.1
@@ -35,23 +31,6 @@ HELLO_S = 5.0
 # Without 0, O, 1, l and I: it may have to be typed on a headset's keyboard.
 ALPHABET = "abcdefghjkmnpqrstuvwxyz23456789"
 TOKEN_LENGTH = 10
-PAGE = {
-    "": ("index.html", "text/html; charset=utf-8"),
-    "page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "page.css": ("page.css", "text/css; charset=utf-8"),
-    "icon.svg": ("icon.svg", "image/svg+xml"),
-}
-HEADERS = {
-    # with these two, performance.now() has steps of 5 us instead of 100
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Embedder-Policy": "require-corp",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'",
-    "Permissions-Policy": "xr-spatial-tracking=(self)",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-store",
-}
 
 # What strangers send to an open port is told as events, not on the terminal.
 LOG = logging.getLogger("vrbench_webxr")
@@ -96,8 +75,8 @@ class Server:
         self.hello: protocol.Hello | None = None
         self.state: protocol.State | None = None
         self._link, self._host = link, host
-        self._address, self._token, self._tls, self._rate_hz = address, token, tls, rate_hz
-        self._scheme = "https" if tls else "http"
+        self._address, self._tls, self._rate_hz = address, tls, rate_hz
+        self._door = Door(link, host, token, "https" if tls else "http")
         self._take: str | None = None
         self._connection: Any = None
         self._page = ""
@@ -124,12 +103,7 @@ class Server:
             ) from ready[0]
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         loop, stop, thread = self._loop, self._stop, self._thread
         if loop is not None and stop is not None and thread is not None:
             with contextlib.suppress(RuntimeError):  # it ended by itself
@@ -163,7 +137,7 @@ class Server:
                 self._address,
                 self.port,
                 ssl=self._tls,
-                process_request=self._answer,
+                process_request=self._door.answer,
                 max_size=protocol.MAX_MESSAGE_BYTES,
                 max_queue=64,
                 compression=None,
@@ -181,59 +155,6 @@ class Server:
             ready.append(None)
             begun.set()
             await self._stop.wait()
-
-    # HTTP: the page, and who may connect.
-
-    def _answer(self, connection: Any, request: Any) -> Any:
-        """Files of the page; None lets a WebSocket through."""
-        token, _, rest = request.path.partition("?")[0].lstrip("/").partition("/")
-        if not self._own_name(request.headers.get("Host", "")):
-            return self._refuse(connection, HTTPStatus.MISDIRECTED_REQUEST, "another host's name")
-        if not secrets.compare_digest(token.encode(), self._token.encode()):
-            return self._refuse(connection, HTTPStatus.FORBIDDEN, "an address without its token")
-        if rest == "ws":
-            if not self._own_origin(request.headers):
-                return self._refuse(connection, HTTPStatus.FORBIDDEN, "a page of another origin")
-            return None
-        if rest not in PAGE or not request.path.startswith(f"/{token}/"):
-            return self._response(connection, HTTPStatus.NOT_FOUND, b"not here\n", "text/plain")
-        name, kind = PAGE[rest]
-        body = (files("vrbench_webxr") / "page" / name).read_bytes()
-        return self._response(connection, HTTPStatus.OK, body, kind)
-
-    def _own_name(self, host: str) -> bool:
-        """Whether the host is named by address: a name of somebody else's may point here."""
-        name = urlsplit(f"//{host}").hostname or ""
-        if name == "localhost":
-            return True
-        try:
-            ipaddress.ip_address(name)
-        except ValueError:
-            return False
-        return True
-
-    def _own_origin(self, headers: Any) -> bool:
-        """Whether the page is ours; what is no browser sends no origin."""
-        origins = headers.get_all("Origin")
-        return all(origin == f"{self._scheme}://{headers.get('Host')}" for origin in origins)
-
-    def _refuse(self, connection: Any, status: HTTPStatus, why: str) -> Any:
-        self._link.on_refused(self._host.now(), why)
-        text = f"refused: {why}. Open the address that vrbench printed.\n"
-        return self._response(connection, status, text.encode(), "text/plain; charset=utf-8")
-
-    def _response(self, connection: Any, status: HTTPStatus, body: bytes, kind: str) -> Any:
-        response = connection.respond(status, "")
-        response.body = body
-        for name in ("Content-Type", "Content-Length"):
-            del response.headers[name]
-        response.headers["Content-Type"] = kind
-        response.headers["Content-Length"] = str(len(body))
-        for name, value in HEADERS.items():
-            response.headers[name] = value
-        return response
-
-    # The WebSocket: one headset.
 
     async def _handle(self, connection: Any) -> None:
         from websockets.exceptions import ConnectionClosed

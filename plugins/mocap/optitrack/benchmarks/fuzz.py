@@ -17,9 +17,7 @@ from decode import frame
 from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frames import decode_frame
-from vrbench_optitrack.models import BodyModel, CameraModel, MarkerSetModel, decode_models
-from vrbench_optitrack.wire import (
-    NatNetError,
+from vrbench_optitrack.handshake import (
     ServerInfo,
     decode_echo_response,
     decode_greeting,
@@ -27,6 +25,8 @@ from vrbench_optitrack.wire import (
     decode_serverinfo,
     encode_serverinfo,
 )
+from vrbench_optitrack.models import BodyModel, CameraModel, MarkerSetModel, decode_models
+from vrbench_optitrack.wire import NatNetError
 
 VERSIONS = [(2, 5), (2, 6), (2, 7), (2, 9), (3, 0), (4, 0), (4, 1), (4, 2), (4, 3)]
 LIMIT_S, LIMIT_BYTES = 0.2, 4_000_000

@@ -6,21 +6,18 @@ import pytest
 from vrbench_optitrack.conversation import Conversation
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frame import UNSAID, Frame, RigidBody, Suffix
-from vrbench_optitrack.models import BodyModel, MarkerSetModel
-from vrbench_optitrack.options import Options
-from vrbench_optitrack.rows import ROWS
-from vrbench_optitrack.wire import (
-    Message,
+from vrbench_optitrack.handshake import (
     ServerInfo,
     decode_echo_request,
     decode_greeting,
     decode_request,
     encode_echo_response,
     encode_serverinfo,
-    message_of,
-    name_bytes,
-    packed,
 )
+from vrbench_optitrack.models import BodyModel, MarkerSetModel
+from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import ROWS
+from vrbench_optitrack.wire import Message, message_of, name_bytes, packed
 
 S = 1_000_000_000
 SERVER = ("10.0.0.1", 1510)

@@ -22,23 +22,8 @@ from vrbench_optitrack.frame import (
     Suffix,
 )
 from vrbench_optitrack.frames import decode_frame
-from vrbench_optitrack.models import (
-    AssetMarkerModel,
-    AssetModel,
-    BodyModel,
-    CameraModel,
-    DeviceModel,
-    MarkerSetModel,
-    PlateModel,
-    SkeletonModel,
-    UnknownModel,
-    bodies_of,
-    decode_models,
-)
-from vrbench_optitrack.wire import (
+from vrbench_optitrack.handshake import (
     Greeting,
-    Message,
-    NatNetError,
     ServerInfo,
     decode_echo_request,
     decode_echo_response,
@@ -52,9 +37,21 @@ from vrbench_optitrack.wire import (
     encode_greeting,
     encode_request,
     encode_serverinfo,
-    message_of,
-    packed,
 )
+from vrbench_optitrack.models import (
+    AssetMarkerModel,
+    AssetModel,
+    BodyModel,
+    CameraModel,
+    DeviceModel,
+    MarkerSetModel,
+    PlateModel,
+    SkeletonModel,
+    UnknownModel,
+    bodies_of,
+    decode_models,
+)
+from vrbench_optitrack.wire import Message, NatNetError, message_of, packed
 
 from vrbench.errors import VrbenchError
 

@@ -8,16 +8,15 @@ from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frame import VALID
 from vrbench_optitrack.frames import decode_frame
-from vrbench_optitrack.models import BodyModel, MarkerSetModel, decode_models
-from vrbench_optitrack.wire import (
-    NatNetError,
+from vrbench_optitrack.handshake import (
     decode_echo_request,
     decode_echo_response,
     decode_greeting,
     decode_serverinfo,
     encode_serverinfo,
-    message_of,
 )
+from vrbench_optitrack.models import BodyModel, MarkerSetModel, decode_models
+from vrbench_optitrack.wire import NatNetError, message_of
 
 V3 = (3, 0)
 OLD = {"1.5.0": (2, 5), "1.7.2": (2, 7)}

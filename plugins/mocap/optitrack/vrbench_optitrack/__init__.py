@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from vrbench.plugin import hookimpl
 
 if TYPE_CHECKING:
-    from vrbench.devices.ports import MocapSpec
+    from vrbench.devices.specs import MocapSpec
     from vrbench.recording.importer import Importer
 
 

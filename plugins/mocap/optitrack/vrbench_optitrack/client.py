@@ -9,7 +9,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from vrbench.devices.ports import MocapSpec, Session
+from vrbench.devices.ports import Session
+from vrbench.devices.specs import MocapSpec
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.geometry import Bools, Floats, Ints, Transform, quat_normalize
 from vrbench.streams import GOOD, Columns, Event, Samples

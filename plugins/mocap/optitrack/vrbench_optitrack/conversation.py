@@ -18,18 +18,9 @@ from vrbench.trajectory import NS
 from vrbench_optitrack.bodies import decode_bodies
 from vrbench_optitrack.clock import Echo, TickClock
 from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED
-from vrbench_optitrack.models import BodyModel, Model, bodies_of, decode_models
-from vrbench_optitrack.options import Options
-from vrbench_optitrack.rows import Rows
-from vrbench_optitrack.wire import (
-    HEADER,
-    NEWEST,
-    OLDEST,
+from vrbench_optitrack.handshake import (
     Greeting,
-    Message,
-    NatNetError,
     ServerInfo,
-    Version,
     decode_echo_response,
     decode_number,
     decode_serverinfo,
@@ -37,6 +28,17 @@ from vrbench_optitrack.wire import (
     encode_echo_request,
     encode_greeting,
     encode_request,
+)
+from vrbench_optitrack.models import BodyModel, Model, bodies_of, decode_models
+from vrbench_optitrack.options import Options
+from vrbench_optitrack.rows import Rows
+from vrbench_optitrack.wire import (
+    HEADER,
+    NEWEST,
+    OLDEST,
+    Message,
+    NatNetError,
+    Version,
     message_of,
     packed,
     version_text,

@@ -10,15 +10,8 @@ from collections.abc import Iterator
 
 from vrbench.devices.ports import HostClock
 from vrbench.errors import DeviceError
-from vrbench_optitrack.wire import (
-    MAX_PACKET,
-    Greeting,
-    Message,
-    NatNetError,
-    ServerInfo,
-    decode_serverinfo,
-    encode_greeting,
-)
+from vrbench_optitrack.handshake import Greeting, ServerInfo, decode_serverinfo, encode_greeting
+from vrbench_optitrack.wire import MAX_PACKET, Message, NatNetError
 
 Address = tuple[str, int]
 BUFFER_BYTES = 4 << 20

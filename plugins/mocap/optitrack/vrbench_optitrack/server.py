@@ -24,18 +24,20 @@ from vrbench.geometry import Floats, Transform
 from vrbench_optitrack.behaviour import NS, Faults, ServerClock
 from vrbench_optitrack.encode import encode_frame, encode_models
 from vrbench_optitrack.frame import BITSTREAM_CHANGED, MODELS_CHANGED, Frame, Suffix
-from vrbench_optitrack.scene import Scene
-from vrbench_optitrack.wire import (
-    MAX_PACKET,
-    Message,
-    NatNetError,
+from vrbench_optitrack.handshake import (
     ServerInfo,
-    Version,
     decode_echo_request,
     decode_greeting,
     decode_request,
     encode_echo_response,
     encode_serverinfo,
+)
+from vrbench_optitrack.scene import Scene
+from vrbench_optitrack.wire import (
+    MAX_PACKET,
+    Message,
+    NatNetError,
+    Version,
     message_of,
     name_bytes,
     packed,

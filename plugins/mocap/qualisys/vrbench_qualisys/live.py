@@ -14,13 +14,13 @@ import time
 import xml.etree.ElementTree as ET
 from collections import deque
 from collections.abc import Iterator
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from vrbench.devices.ports import Finding, HostClock, MocapSpec, Session
+from vrbench.devices.ports import Finding, HostClock, Session
+from vrbench.devices.specs import MocapSpec
 from vrbench.errors import DeviceError, VrbenchError
 from vrbench.geometry import Ints, Transform
 from vrbench.streams import GOOD, Columns, Event, Samples
@@ -187,12 +187,7 @@ class Qualisys:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._receiver.close()
 
     def start(self, take: str) -> None:  # noqa: ARG002

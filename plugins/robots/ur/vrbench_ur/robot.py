@@ -6,7 +6,6 @@ import time
 from collections.abc import Generator
 from contextlib import closing
 from functools import cached_property
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -57,12 +56,7 @@ class UrRobot:
         )
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._control is not None:
             self._control.close()
         if self._reader is not None:

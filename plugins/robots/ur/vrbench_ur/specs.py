@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from vrbench.devices.ports import Finding, MotionPlanner, Robot, RobotSpec, Session
+from vrbench.devices.ports import Finding, MotionPlanner, Robot, Session
 from vrbench.devices.rehearsal import Rehearsal
+from vrbench.devices.specs import RobotSpec
 from vrbench.errors import ConfigError
 from vrbench.geometry import Transform
 from vrbench_ur.arms import ARMS, UR5E, Arm
