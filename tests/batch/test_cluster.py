@@ -99,6 +99,21 @@ def test_a_worker_that_dies_costs_nothing_and_one_of_another_version_is_refused(
     assert "vrbench 0.0.9, here" in told
 
 
+def test_a_worker_ends_what_it_began_when_its_client_is_interrupted(
+    two: tuple[Path, Path], tmp_path: Path
+) -> None:
+    one, other = two
+    before = tables(one)
+    with scheduler(tmp_path) as at, worker(at, tmp_path / "worker.log"):
+        asked = start("evaluate", "b", "--scheduler", at, cwd=one.parent)
+        busy = evaluator(other)
+        asked.send_signal(signal.SIGINT)
+        _, told = asked.communicate()
+        until(lambda: gone(busy))
+    assert (asked.returncode, told.splitlines()[-1]) == (1, "interrupted")
+    assert tables(other) == tables(one) == before
+
+
 def test_a_cluster_may_be_encrypted(tmp_path: Path) -> None:
     if shutil.which("openssl") is None:
         pytest.skip("needs openssl")
