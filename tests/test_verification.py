@@ -189,6 +189,8 @@ def test_a_take_that_unpacks_to_too_much_is_refused(
     edit(run, lambda r: r["takes"][1].update(sha256=file_digest(run / TAKE)))
     (line,) = found(run)
     assert told in line
+    # where it was found in the run, not in the copy that is evaluated
+    assert f"{run}: {TAKE}" in line
 
 
 def test_a_shared_folder_of_labs(
@@ -211,12 +213,14 @@ def test_a_shared_folder_of_labs(
     assert [finding.what for finding in wrong] == ["is broken"]
     shutil.copytree(run, root / "mine/other@1/c")
     shutil.copytree(run, root / "stray")
+    shutil.copytree(run / "takes", root / "mine/short@1/d/takes")
     runs, wrong = verify_folder(root, Plugins(), lambda *_: None)
     assert len(runs) == 3
     told = "\n".join(map(str, wrong))
     assert "lab 'simulated' lies in the folder 'mine'" in told
     assert "suite 'short@1' lies in the folder 'other@1'" in told
     assert "is a take of" in told
+    assert "d: run.json: is missing" in told
     assert "stray: is not where runs belong: LAB/SUITE/RUN" in told
 
 

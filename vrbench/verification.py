@@ -83,13 +83,15 @@ def verify_folder(root: Path, plugins: Plugins, tell: Tell) -> tuple[list[Path],
     """
     runs = sorted(path.parent for path in root.glob(f"*/*/*/{RECORD}"))
     stray = sorted(set(root.rglob(RECORD)) - {run / RECORD for run in runs})
-    if not runs and not stray:
+    bare = sorted({path.parent for path in root.glob("*/*/*/takes")} - set(runs))
+    if not runs and not stray and not bare:
         raise DataError(
             "there is no run in it", file=root, fix=f"runs are at LAB/SUITE/RUN/{RECORD}"
         )
     found = [
         Finding(str(path.parent), "", "is not where runs belong: LAB/SUITE/RUN") for path in stray
     ]
+    found += [Finding(str(path), RECORD, "is missing") for path in bare]
     takes: dict[str, Path] = {}
     for run in runs:
         own = verify_run(run, plugins, tell)
@@ -204,7 +206,12 @@ def _numbers(bundle: Bundle, plugins: Plugins, tell: Tell) -> Iterator[Finding]:
                 continue
             protocol = known[name]
             families = protocol.families or families_of(suite, plugins, run)
-            evaluate(copy, families, protocol, lambda *_: None)
+            try:
+                evaluate(copy, families, protocol, lambda *_: None)
+            except VrbenchError as error:
+                if error.file is not None:
+                    error.file = str(bundle.folder / _relative(copy.folder, error.file))
+                raise
             yield from _differing(bundle, copy, name)
 
 

@@ -19,7 +19,9 @@ def inside(folder: Path, name: str) -> Path:
     """
     below = PurePath(name)
     path, steps = folder / below, accumulate(below.parts, os.path.join, initial=os.fspath(folder))
-    if ".." in below.parts or below.is_absolute() or any(map(os.path.islink, [*steps][1:])):
+    # what has no links below the folder stays in it; but Windows has junctions
+    plain = not below.anchor and ".." not in below.parts and os.name != "nt"
+    if not plain or any(map(os.path.islink, [*steps][1:])):
         real, root = os.path.realpath(path), os.path.realpath(folder)
         if os.path.commonpath((real, root)) != root:
             raise DataError(

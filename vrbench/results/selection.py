@@ -10,7 +10,6 @@ import csv
 from collections.abc import Sequence
 from functools import lru_cache
 from io import BytesIO, StringIO
-from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -109,8 +108,9 @@ def select_bins(
         DataError: other columns, or a cell of another type.
     """
     _check_header(path, text, PHASE_COLUMNS)
-    bins: dict[Place, tuple[Ints, Floats]] = {}
     table, last = BytesIO(text), 0
+    lines: list[bytes] = []
+    ends: dict[Place, int] = {}
     for take in takes:
         of = (take.case, take.condition, str(take.mount), str(take.repeat))
         begins = _beginning((*of, reference, metric, point))
@@ -119,29 +119,33 @@ def select_bins(
             continue
         last = at
         table.seek(at + 1)
-        try:
-            bins[take.mount, take.repeat] = _bins(_alike(table, begins))
-        except ValueError as error:
-            raise DataError("a row can't be read", file=path, fix=str(error)) from None
-    return bins
+        for line in table:
+            if not line.startswith(begins):
+                break
+            lines.append(line)
+        ends[take.mount, take.repeat] = len(lines)
+    try:
+        return dict(zip(ends, _bins(lines, list(ends.values())), strict=True))
+    except ValueError as error:
+        raise DataError("a row can't be read", file=path, fix=str(error)) from None
 
 
-def _alike(table: BytesIO, begins: bytes) -> list[bytes]:
-    """The lines that follow and begin so."""
-    return list(takewhile(lambda line: line.startswith(begins), table))
-
-
-def _bins(lines: Sequence[bytes]) -> tuple[Ints, Floats]:
-    """Phases and mean squares of rows."""
+def _bins(lines: Sequence[bytes], ends: Sequence[int]) -> list[tuple[Ints, Floats]]:
+    """Phases and mean squares of rows, by take; the rows of each end at one of `ends`."""
+    if not ends:
+        return []
     read = np.loadtxt(
         lines, _BIN, comments=None, delimiter=",", usecols=_BIN_AT, ndmin=1, quotechar='"'
     )
     number, square = read["phase"].copy(), read["mean_square"].copy()
-    if (np.diff(number) <= 0).any():
+    steps = np.diff(number)
+    steps[np.array(ends[:-1], dtype=np.int64) - 1] = 1
+    if (steps <= 0).any():
         raise ValueError("the bins of a take don't follow each other")
     if not (np.isfinite(square) & (square >= 0.0)).all():
         raise ValueError("a mean square is a number, and not negative")
-    return number, square
+    starts = [0, *ends[:-1]]
+    return [(number[a:b], square[a:b]) for a, b in zip(starts, ends, strict=True)]
 
 
 def _line(text: bytes, begins: bytes, near: int) -> int:
