@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from vrbench.errors import DataError
 from vrbench.geometry import Transform, relative_angle, rotvec_to_quat
-from vrbench.trajectory import NS, Trajectory, read_tum, seconds_since, write_tum
+from vrbench.trajectory import NS, Trajectory, distinct, read_tum, seconds_since, write_tum
 
 EPOCH = 1_700_000_000_123_456_789
 
@@ -181,3 +181,9 @@ def test_a_missing_file_and_a_folder_can_not_be_read(tmp_path):
     for path in (tmp_path / "none.tum", tmp_path):
         with pytest.raises(DataError, match="can't be read"):
             read_tum(path)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 1000])
+def test_distinct_stamps_are_in_order_and_each_is_there_once(n):
+    t = np.random.default_rng(n).integers(0, 500, n)
+    assert distinct(t).tolist() == sorted(set(t.tolist()))

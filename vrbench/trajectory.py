@@ -124,6 +124,12 @@ class Trajectory:
         return np.diff(self.t) / NS
 
 
+def distinct(t: Ints) -> Ints:
+    """Stamps (n,) in order, each once. np.unique hashes them, slower where they are in order."""
+    t = np.sort(t, kind="stable")
+    return t[np.concatenate(([True], t[1:] != t[:-1]))[: len(t)]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Stamped:
     """Poses as a file has them, for comparison with tools that take them so.

@@ -99,6 +99,21 @@ def test_a_worker_that_dies_costs_nothing_and_one_of_another_version_is_refused(
     assert "vrbench 0.0.9, here" in told
 
 
+def test_a_worker_ends_what_it_began_when_its_client_is_interrupted(
+    two: tuple[Path, Path], tmp_path: Path
+) -> None:
+    one, other = two
+    before = tables(one)
+    with scheduler(tmp_path) as at, worker(at, tmp_path / "worker.log"):
+        asked = start("evaluate", "b", "--scheduler", at, cwd=one.parent)
+        busy = evaluator(other)
+        asked.send_signal(signal.SIGINT)
+        _, told = asked.communicate()
+        until(lambda: gone(busy))
+    assert (asked.returncode, told.splitlines()[-1]) == (1, "interrupted")
+    assert tables(other) == tables(one) == before
+
+
 def test_a_cluster_may_be_encrypted(tmp_path: Path) -> None:
     if shutil.which("openssl") is None:
         pytest.skip("needs openssl")
@@ -115,8 +130,20 @@ def test_a_cluster_may_be_encrypted(tmp_path: Path) -> None:
         code, _, told = evaluate(tmp_path, "none", "--scheduler", at, *mine)
         assert (code, "sees no run there" in told) == (1, True), told
         code, _, told = evaluate(tmp_path, "none", "--scheduler", at)
-    assert code == 1
-    assert "no scheduler answers" in told
+    assert code == 2
+    assert "give --tls-ca, --tls-cert and --tls-key" in told
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH_9.6\r\n"])
+def test_who_is_no_scheduler_is_told_so(tmp_path: Path, greeting: bytes) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as stranger:
+        at = f"tcp://127.0.0.1:{stranger.getsockname()[1]}"
+        asked = start("evaluate", "none", "--scheduler", at, cwd=tmp_path)
+        guest, _ = stranger.accept()
+        with guest:
+            guest.sendall(greeting)
+            _, told = asked.communicate(timeout=60)
+    assert (asked.returncode, f"no scheduler answers at {at}" in told) == (1, True), told
 
 
 @pytest.mark.parametrize(
@@ -124,6 +151,8 @@ def test_a_cluster_may_be_encrypted(tmp_path: Path) -> None:
     [
         (("--scheduler", "tcp://127.0.0.1:1"), 1, "no scheduler answers at tcp://127.0.0.1:1"),
         (("--scheduler", "127.0.0.1"), 2, "'127.0.0.1' is no scheduler's address"),
+        (("--scheduler", "tcp://127.0.0.1:99999"), 2, "is no scheduler's address"),
+        (("--scheduler", "tls://127.0.0.1:1", "--tls-ca", "ca"), 2, "give --tls-ca, --tls-cert"),
         (("--scheduler", "tcp://127.0.0.1:1", "--jobs", "1"), 2, "stands beside --scheduler"),
         (("--scheduler", "tcp://127.0.0.1:1", "--tls-ca", "ca"), 2, "an encrypted scheduler"),
         (("--tls-ca", "ca"), 2, "is for a scheduler's connection"),

@@ -20,7 +20,7 @@ from vrbench.errors import ConfigError, DataError, DeviceError
 if TYPE_CHECKING:
     from vrbench.batch.unit import Outcome, Unit
 
-ADDRESS = re.compile(r"^(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s/:]+):\d{1,5}$")
+ADDRESS = re.compile(r"^(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s/:]+):(?P<port>\d{1,5})$")
 # How long a scheduler, or the first worker, may take to answer [s].
 ANSWER_S = 5.0
 # How long work waits for a worker when all are gone [s].
@@ -68,13 +68,24 @@ def cluster(address: str, tls: Tls) -> Iterator[Any]:
     files = {name: str(path) for name, path in given.items() if path is not None}
     try:
         security = Security(require_encryption=address.startswith("tls:"), **files)
+        given_files = security.get_connection_args("client")
+    except (OSError, TypeError, ValueError) as error:
+        raise ConfigError(
+            f"can't be used: {_first_line(error)}",
+            field="--tls-...",
+            fix="PEM files: of the authority, of the client, and its key",
+        ) from None
+    if address.startswith("tls:") and given_files.get("ssl_context") is None:
+        raise ConfigError(
+            "an encrypted scheduler asks for certificates",
+            field="--scheduler",
+            fix="give --tls-ca, --tls-cert and --tls-key",
+        )
+    _greet(address, given_files)
+    try:
         client = Client(address, timeout=ANSWER_S, security=security)
     except (OSError, TypeError, ValueError) as error:
-        raise DeviceError(
-            f"no scheduler answers at {address}: {_first_line(error)}",
-            field="--scheduler",
-            fix="`dask scheduler` starts one and prints its address; with TLS give --tls-...",
-        ) from None
+        raise _silent(address, error) from None
     try:
         with suppress(TimeoutError):
             client.wait_for_workers(1, timeout=ANSWER_S)
@@ -89,8 +100,45 @@ def cluster(address: str, tls: Tls) -> Iterator[Any]:
         client.close(timeout=ANSWER_S)
 
 
+def _greet(address: str, connection: Mapping[str, Any]) -> None:
+    """Has the scheduler say what it is: dask's client waits for ever for one that says nothing.
+
+    Raises:
+        DeviceError: nobody answers in time, or somebody else does.
+    """
+    import asyncio
+
+    from distributed.comm import connect
+
+    async def identity() -> object:
+        comm = await connect(address, timeout=ANSWER_S, **connection)
+        try:
+            await comm.write({"op": "identity", "reply": True})
+            return await comm.read()
+        finally:
+            comm.abort()
+
+    try:
+        found = asyncio.run(asyncio.wait_for(identity(), ANSWER_S))
+    except Exception as error:  # what a stranger says may be taken for anything
+        raise _silent(address, error) from None
+    what = found.get("type") if isinstance(found, Mapping) else None
+    if what != "Scheduler":
+        raise _silent(address, f"a {what or 'stranger'} does")
+
+
+def _silent(address: str, why: object) -> DeviceError:
+    why = _first_line(why) if isinstance(why, BaseException) else why
+    return DeviceError(
+        f"no scheduler answers at {address}: {why}",
+        field="--scheduler",
+        fix="`dask scheduler` starts one and prints its address",
+    )
+
+
 def _check(address: str, tls: Tls) -> None:
-    if not ADDRESS.match(address):
+    found = ADDRESS.match(address)
+    if found is None or not 0 < int(found["port"]) < 1 << 16:
         raise ConfigError(
             f"{address!r} is no scheduler's address",
             field="--scheduler",

@@ -66,7 +66,6 @@ class PoseSpline:
         if not np.any(np.diff(nodes.t) <= self._max_gap_ns):
             raise EstimationError("every interval is a gap", field="reference")
         self._spline = _piecewise(nodes, self.origin_ns, self._max_gap_ns)
-        self._rate = self._spline.derivative()
 
     def covers(self, t: Ints, margin_ns: int = 0) -> Bools:
         """Where times t (m,) [ns] lie within the trajectory, `margin_ns` or more from any gap."""
@@ -82,7 +81,7 @@ class PoseSpline:
 
     def motion(self, s: Floats) -> Motion:
         """Poses and rates at times s (m,) [s] after `origin_ns`; NaN within gaps and outside."""
-        value, rate = self._spline(s), self._rate(s)
+        value, rate = self._spline(s), self._spline(s, 1)
         raw, raw_rate = value[:, 3:], rate[:, 3:]
         squared = np.einsum("ij,ij->i", raw, raw)[:, None]
         w = 2.0 * quat_multiply(quat_conjugate(raw), raw_rate)[:, :3] / squared
@@ -137,6 +136,10 @@ def _piecewise(nodes: Trajectory, origin_ns: int, max_gap_ns: float) -> Any:
     s = nodes.seconds(origin_ns)
     values = np.hstack((nodes.pose.p, continuous_signs(nodes.pose.q)))
     ends = np.flatnonzero(np.diff(nodes.t) > max_gap_ns)
+    if not len(ends):
+        whole = CubicSpline(s, values)
+        if len(whole.c) == 4:  # of hours, these are half a gigabyte: not to be copied
+            return PPoly.construct_fast(whole.c, whole.x, extrapolate=False)
     coefficients = np.full((4, len(s) - 1, values.shape[1]), np.nan)
     for first, last in zip([0, *(ends + 1)], [*ends, len(s) - 1], strict=True):
         if last > first:

@@ -31,7 +31,7 @@ PARAMETERS = {
     "y": ("y.rx", "y.ry", "y.rz", "y.px", "y.py", "y.pz"),
     "scale": ("scale",),
 }
-CHUNK = 1 << 15
+CHUNK = 1 << 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from vrbench.geometry import Floats, Ints
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent
-from vrbench.trajectory import LATE_PERIODS
+from vrbench.trajectory import LATE_PERIODS, distinct
 
 # Samples to each side by which a long interval is told from jitter: they tell when the others were
 # due.
@@ -64,8 +64,8 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
         )
         return
     start, end = int(take.reference.t[0]), int(take.reference.t[-1])
-    t = np.unique(take.samples.pose_t)
-    good = np.unique(take.samples.pose_t[take.samples.good])
+    t = distinct(take.samples.pose_t)
+    good = distinct(take.samples.pose_t[take.samples.good])
     good = good[(good >= start) & (good <= end)]
     period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     covered = covered_ns(good, start, end, period) if len(good) else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from vrbench.metrics.registry import Family, Value
 from vrbench.metrics.scored import ScoredTake
 from vrbench.metrics.summary import absent, summarise
-from vrbench.trajectory import NS
+from vrbench.trajectory import NS, distinct
 
 UNITS = {"timing.rate": "Hz", "timing.interval": "ms", "timing.duplicates": "count"}
 SHOWN = ("mean", "median", "std", "min", "max", "p95")
@@ -21,7 +21,7 @@ def of_take(take: ScoredTake) -> Iterator[Value]:
     A duplicate repeats the stamp, or to the last bit the pose, of the sample before it.
     """
     samples = take.samples
-    t = np.unique(samples.pose_t)
+    t = distinct(samples.pose_t)
     if len(t) < 2:
         reason = f"{len(samples)} samples have no interval"
         yield absent("timing.rate", "Hz", reason, statistic="value")

@@ -24,7 +24,7 @@ from vrbench.results.record import TakeRecord
 from vrbench.results.spectrum import spectrum
 from vrbench.statistics.uncertainty import error_vectors
 from vrbench.streams import Event
-from vrbench.trajectory import LATE_PERIODS, NS, Trajectory
+from vrbench.trajectory import LATE_PERIODS, NS, Trajectory, distinct
 
 # Lengths of a bin that a reader can make sense of [s].
 BINS_S = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
@@ -208,8 +208,8 @@ def _by_speed(speed: Floats, error: Floats) -> BySpeed | None:
 def _missing(take: ScoredTake) -> list[tuple[float, float]]:
     """Stretches [s] of the window for which no good sample stands, as coverage counts them."""
     start, end = int(take.reference.t[0]), int(take.reference.t[-1])
-    every = np.unique(take.samples.pose_t)
-    good = np.unique(take.samples.pose_t[take.samples.good])
+    every = distinct(take.samples.pose_t)
+    good = distinct(take.samples.pose_t[take.samples.good])
     good = good[(good >= start) & (good <= end)]
     period = float(np.median(np.diff(every))) if len(every) > 1 else 0.0
     edges = np.concatenate(([start], good, [end]))

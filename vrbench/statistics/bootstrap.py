@@ -181,8 +181,10 @@ def _drawn(members: list[Member], rng: np.random.Generator) -> list[Member]:
 
 def running_sums(values: Floats) -> Floats:
     """Sums (m, 2 n + 1) of the first k values of series (m, n) that are followed by themselves."""
-    twice = np.concatenate((np.zeros((len(values), 1)), values, values), axis=1)
-    sums: Floats = np.cumsum(twice, axis=1, out=twice)
+    n = values.shape[1]
+    sums = np.zeros((len(values), 2 * n + 1))
+    np.cumsum(values, axis=1, out=sums[:, 1 : n + 1])
+    np.add(sums[:, 1 : n + 1], sums[:, n, None], out=sums[:, n + 1 :])
     return sums
 
 

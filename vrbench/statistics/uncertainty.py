@@ -63,9 +63,14 @@ class ErrorModel:
         The take's own X has added one draw to its mean square already, so what draws add is
         centred, and widens the interval without moving it.
         """
-        square: Floats = self.constant + dx @ self.linear.T
-        added = np.einsum("mi,bij,mj->mb", dx, self.quadratic, dx, optimize=True)
-        square += added - added.mean(axis=0)
+        products = np.einsum("mi,mj->mij", dx, dx).reshape(len(dx), -1)
+        products -= products.mean(axis=0)
+        # one product of matrices: what it gives is the largest thing here
+        square: Floats = (
+            np.concatenate((dx, products), axis=1)
+            @ np.concatenate((self.linear, self.quadratic.reshape(len(self.linear), -1)), axis=1).T
+        )
+        square += self.constant
         if self.turn is not None:
             larger = np.ones(len(dx))
             if np.isfinite(self.freedom):
@@ -125,9 +130,10 @@ def _rotation_models(take: ScoredTake, translation: Errors) -> dict[Key, ErrorMo
 
 
 def time_bins(t: Ints) -> Ints:
-    """The bin of each stamp (n,) [ns], counted without holes."""
+    """The bin of each stamp (n,) [ns], in order of time, counted without holes."""
     bin_s = max(BIN_S, (int(t[-1]) - int(t[0])) / NS / MOST_BINS)
-    _, bins = np.unique(np.floor((t - t[0]) / (bin_s * NS)).astype(np.int64), return_inverse=True)
+    places = np.floor((t - t[0]) / (bin_s * NS))
+    bins: Ints = np.cumsum(np.diff(places, prepend=places[0]) > 0.0)
     return bins
 
 
