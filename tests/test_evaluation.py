@@ -17,7 +17,7 @@ from vrbench.recording.take import TakeWriter, read_take
 from vrbench.results.bundle import Bundle
 from vrbench.results.files import file_digest
 from vrbench.results.tables import Row, read_rows
-from vrbench.streams import Columns
+from vrbench.streams import Columns, Joints
 
 TABLE = "metrics/vrbench-1.csv"
 
@@ -278,7 +278,16 @@ def test_a_calibration_that_recentred_is_not_used(run: Path) -> None:
     assert "the headset recentred within the calibration" in row.reason
 
 
-def test_a_metric_that_fails_costs_its_own_rows_only(run: Path) -> None:
+def with_joints(columns: Columns) -> Columns:
+    """The take of a robot that tells its joints too."""
+    from dataclasses import replace
+
+    t = columns.poses["robot/tcp"].pose_t[:50]
+    turned = np.linspace(0.0, 0.5, 100).reshape(50, 2)
+    return replace(columns, joints={"robot/joints": Joints(t, t, turned, turned, ("a", "b"))})
+
+
+def test_a_metric_that_fails_costs_its_own_rows_only_and_one_may_need_joints(run: Path) -> None:
     from vrbench.evaluation import evaluate
     from vrbench.metrics.registry import Family, Value
     from vrbench.plugin.manager import Plugins
@@ -290,13 +299,21 @@ def test_a_metric_that_fails_costs_its_own_rows_only(run: Path) -> None:
     def nan(_take):
         yield Value("odd.nan", "value", math.nan, "mm", 1)
 
+    def turned(take):
+        for joints in take.columns.joints.values():
+            yield Value("joints.span", "max", np.degrees(np.ptp(joints.position)), "deg", 50)
+
     odd = [
+        Family("joints", "", {"joints.span": "deg"}, turned, needs=frozenset({"joints"})),
         Family("odd", "", {"odd.value": "mm"}, crash),
         Family("nan", "", {"odd.nan": "mm"}, nan),
     ]
     families = [*odd, Plugins().metrics["ape"]]
-    rows = evaluate(Bundle.open(run), families, PROTOCOL, lambda *_: None)
+    bundle = rewrite(run, "replay.default.m1.r1", with_joints)
+    rows = evaluate(bundle, families, PROTOCOL, lambda *_: None)
     assert one(rows, repeat="1", **EYE).status == "ok"
+    span = one(rows, case="replay", repeat="1", metric="joints.span")
+    assert span.value == pytest.approx(np.degrees(0.5))
     for metric, told in (("odd.value", "ZeroDivisionError: of a plugin"), ("odd.nan", "is nan")):
         row = one(rows, case="replay", repeat="1", metric=metric)
         assert (row.status, row.value) == ("failed", None)

@@ -59,7 +59,8 @@ def evaluate(
         DataError: a take is gone, altered or unreadable; nothing is written.
     """
     suite = bundle.record.resolved_suite()
-    stages = Stages.of(store, bundle.record, protocol)
+    joints = any("joints" in family.needs for family in families)
+    stages = Stages.of(store, bundle.record, protocol, joints=joints)
     rows: list[Row] = []
     phases: list[PhaseRow] = []
     curves: list[TakeCurves] = []

@@ -10,7 +10,7 @@ from vrbench.batch import memory
 from vrbench.batch.memory import available_bytes, check_memory_of_all, needed_bytes
 from vrbench.batch.unit import Unit, perform
 from vrbench.errors import ConfigError
-from vrbench.recording.extent import unpacked_bytes
+from vrbench.recording.summary import PACKED_BYTES, poses_in
 from vrbench.recording.take import read_take
 from vrbench.results.bundle import Bundle
 
@@ -22,10 +22,10 @@ def free(monkeypatch: pytest.MonkeyPatch, amount: float) -> None:
 def test_a_take_says_how_large_it_is(run: Path) -> None:
     path = next((run / "takes").glob("replay*"))
     columns = read_take(path)
-    least = sum(84 * len(samples) for samples in columns.poses.values())
-    assert least < unpacked_bytes(path) < 10 * least
+    held = sum(len(samples) for samples in columns.poses.values())
+    assert poses_in(path) == held
     path.write_bytes(path.read_bytes()[:-100])
-    assert unpacked_bytes(path) == 4 * path.stat().st_size
+    assert held < poses_in(path) == path.stat().st_size // PACKED_BYTES
 
 
 def test_a_run_larger_than_memory_is_told_before_it_begins(

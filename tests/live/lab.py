@@ -227,6 +227,7 @@ class Lab:
         self.arm.tell("clear")
         self.arm.place(self.posture + 0.01)
         if self.motive is None or self.motive.poll() is not None:
+            end(self.motive)
             words = ("--command-port", str(self._port), "--data-port", "0", "--rate", "100")
             self.motive = self._start("vrbench_optitrack.emulator", *words)
             # vrbench asks Motive once, and a busy computer takes seconds to start an emulator
@@ -234,9 +235,8 @@ class Lab:
             while not taken(self._port):
                 assert time.monotonic() < until, "the emulated Motive doesn't listen"
                 time.sleep(0.1)
-        if self.headset is not None and route != self._route:
+        if self.headset is None or self.headset.poll() is not None or route != self._route:
             end(self.headset)
-        if self.headset is None or self.headset.poll() is not None:
             self.headset, self._route = self._start(*self._headset(route)), route
 
     def _headset(self, route: str) -> tuple[str, ...]:
@@ -295,8 +295,7 @@ class Lab:
     def end_emulators(self) -> None:
         """Headset and motion capture end, whatever was done to them; `ready` starts others."""
         for process in (self.motive, self.headset):
-            if process is not None:
-                end(process)
+            end(process)
 
     def close(self) -> None:
         self.end_emulators()
@@ -311,8 +310,10 @@ def write_turns(folder: Path) -> None:
     write_motion(folder / "turns.tum", header, turns)
 
 
-def end(process: subprocess.Popen) -> None:
-    """Ends a process, a stopped one too."""
+def end(process: subprocess.Popen | None) -> None:
+    """Ends a process if there is one, a stopped one too."""
+    if process is None:
+        return
     process.kill()
     process.wait()
     if process.stdin is not None:

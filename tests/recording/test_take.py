@@ -82,6 +82,29 @@ def test_all_columns_come_back_exactly(tmp_path: Path) -> None:
     assert found.metadata == content.metadata
 
 
+def test_joints_are_left_out_where_nobody_wants_them(tmp_path: Path) -> None:
+    content = columns()
+    path = write(tmp_path / "a.mcap", content)
+    found = read_take(path, joints=False)
+    assert found.joints == {} == found.states
+    for name, expected in content.poses.items():
+        assert_same(found.poses[name], expected)
+    assert list(found.events) == list(content.events)
+    assert found.clocks.keys() == content.clocks.keys()
+
+
+def test_a_take_without_a_summary_is_read_all_the_same(tmp_path: Path) -> None:
+    content = columns()
+    whole = write(tmp_path / "a.mcap", content)
+    part = whole.rename(tmp_path / "a.mcap.part")
+    part.write_bytes(part.read_bytes()[:-40])
+    found = read_take(part)
+    for name, expected in content.poses.items():
+        assert_same(found.poses[name], expected)
+    assert found.joints.keys() == content.joints.keys()
+    assert read_take(part, joints=False).joints == {}
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     n=st.integers(0, 40),

@@ -11,23 +11,22 @@ from contextlib import suppress
 from pathlib import Path
 
 from vrbench.errors import ConfigError, DataError, VrbenchError
-from vrbench.recording.extent import unpacked_bytes
+from vrbench.recording.summary import poses_in
 from vrbench.results.bundle import Bundle
 from vrbench.results.files import inside
 
-# Measured: 1.55 GB for a take of two hours (536 MB unpacked), 0.77 GB for one of twenty minutes
-# with a robot at 500 Hz (195 MB), 0.34 GB for ten of two minutes (9 MB each). The largest take is
-# worked on while what is left of the others is kept.
+# Of each pose that a take holds; measured: see docs/many.md. The largest take is worked on while
+# what is left of the others is kept.
 BASE_BYTES = 200e6
-OF_LARGEST, OF_OTHERS = 3.2, 1.5
+OF_LARGEST, OF_OTHERS = 560.0, 360.0
 
 
 def needed_bytes(bundle: Bundle) -> float:
     """How much memory the evaluation of a run takes, about."""
     paths = [inside(bundle.folder, take.file) for take in bundle.record.takes]
-    sizes = sorted(unpacked_bytes(path) for path in paths if path.is_file())
-    largest = sizes[-1] if sizes else 0
-    return BASE_BYTES + OF_LARGEST * largest + OF_OTHERS * sum(sizes[:-1])
+    poses = sorted(poses_in(path) for path in paths if path.is_file())
+    largest = poses[-1] if poses else 0
+    return BASE_BYTES + OF_LARGEST * largest + OF_OTHERS * sum(poses[:-1])
 
 
 def available_bytes() -> float | None:

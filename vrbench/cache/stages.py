@@ -14,7 +14,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from inspect import isfunction
 from pathlib import Path
 from typing import Any, TypeVar
@@ -47,20 +47,24 @@ class Stages:
         computed: the names of those that were computed, in order; the others were known.
     """
 
-    def __init__(self, store: Store | None = None, base: str | None = None) -> None:
-        self._store, self._base = store, base
+    def __init__(
+        self, store: Store | None = None, base: str | None = None, *, joints: bool = False
+    ) -> None:
+        self._store, self._base, self._joints = store, base, joints
         self._asked: set[tuple[str, ...]] = set()
         self.computed: list[str] = []
 
     @classmethod
-    def of(cls, store: Store | None, record: RunRecord, protocol: Protocol) -> Stages:
-        """Those of a run; without a store nothing is kept."""
+    def of(
+        cls, store: Store | None, record: RunRecord, protocol: Protocol, *, joints: bool = False
+    ) -> Stages:
+        """Those of a run; without a store nothing is kept. `joints`: as `read_take` has it."""
         if store is None:
-            return cls()
+            return cls(joints=joints)
         parts = (protocol.prepare, protocol.calibrate, protocol.given_x, protocol.reference)
         code = _code([EVALUATION, *(_module(part) for part in parts if part is not None)])
         facts = record.model_dump(mode="json", exclude=VOLATILE)
-        return cls(store, code and _key(code, protocol.name, facts))
+        return cls(store, code and _key(code, protocol.name, facts), joints=joints)
 
     def columns(self, path: Path, sha256: str) -> Columns:
         """A take, decoded: once for its content.
@@ -70,8 +74,9 @@ class Stages:
             sha256: and that digest.
         """
         code = _code([DECODING]) if self._store is not None else None
-        key = code and _key(code, "columns", sha256)
-        found: Columns = self._kept("columns", lambda: read_take(path), key)
+        key = code and _key(code, "columns", sha256, self._joints)
+        compute = partial(read_take, path, joints=self._joints)
+        found: Columns = self._kept("columns", compute, key)
         return found
 
     def kept(

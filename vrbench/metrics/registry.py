@@ -52,7 +52,8 @@ class Family:
         title: what it tells, in a sentence.
         units: unit of each metric, by full name.
         of_take: its values for one take.
-        needs: what a take must have: `x` (a calibration), `target` (the planned motion).
+        needs: what a take must have: `x` (a calibration), `target` (the planned motion), `joints`
+            (joint and controller states, which are read for nobody else).
         of_repeats: its values across the repeats of one case, condition and mount.
     """
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import SEEK_CUR, BytesIO
 from pathlib import Path
@@ -109,7 +109,7 @@ class Rows:
 
 
 def read_messages(
-    path: Path, metadata: str, topics: Collection[str] | None = None
+    path: Path, metadata: str, wanted: Callable[[str], bool] = lambda _: True
 ) -> tuple[list[Messages], dict[str, str]]:
     """All messages by topic, and the metadata records of one name as one mapping.
 
@@ -118,12 +118,12 @@ def read_messages(
     Args:
         path: the file.
         metadata: the records' name.
-        topics: only theirs; of others it is told that they are there, without a message.
+        wanted: which topics to read; of others it is told that they are there, without a message.
 
     Raises:
         DataError: no such file, or not a whole MCAP file.
     """
-    reading = _Reading(metadata, topics)
+    reading = _Reading(metadata, wanted)
     cut = path.suffix == PART
     try:
         with path.open("rb") as file:
@@ -149,7 +149,7 @@ Batch = list[tuple[bytes, list[bytes]]]
 class _Reading:
     """What has been read so far."""
 
-    def __init__(self, metadata: str, wanted: Collection[str] | None) -> None:
+    def __init__(self, metadata: str, wanted: Callable[[str], bool]) -> None:
         self.topics: dict[tuple[str, str], Messages] = {}
         self.facts: dict[str, str] = {}
         self.begun = False
@@ -311,7 +311,7 @@ class _Reading:
         ends = np.cumsum(np.bincount(places, minlength=len(self.topics)))
         for topic, mine in zip(self.topics.values(), np.split(order, ends[:-1]), strict=True):
             topic.counted += len(mine)
-            if not len(mine) or (self._wanted is not None and topic.topic not in self._wanted):
+            if not len(mine) or not self._wanted(topic.topic):
                 continue
             own = starts[mine]
             size = _fields(data, "<u8", own + _LENGTH).astype(np.int64) - _OVERHEAD

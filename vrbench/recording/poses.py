@@ -47,7 +47,7 @@ def read_topics(path: Path, topics: Sequence[str]) -> dict[str, Stamped]:
         DataError: no such file, not a whole MCAP file, no such topic, a topic of another type, a
             value that isn't finite.
     """
-    messages, _ = read_messages(path, METADATA, topics)
+    messages, _ = read_messages(path, METADATA, set(topics).__contains__)
     poses = {m.topic: m for m in messages if m.schema == cdr.POSE_STAMPED}
     for topic in topics:
         if topic not in poses:

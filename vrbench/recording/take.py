@@ -14,6 +14,7 @@ from vrbench.clocks import Exchanges
 from vrbench.errors import DataError
 from vrbench.recording import cdr
 from vrbench.recording.messages import read_messages
+from vrbench.recording.summary import topics_of
 from vrbench.streams import Columns, Event, Joints, Samples, States
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ CHUNK_BYTES = 512 * 1024
 CHUNK_NS = 1_000_000_000
 # How often what is written is forced to the disk, against a loss of power [s].
 SYNC_S = 5.0
+# What isn't read where only poses, events and clocks are wanted.
+STATES = (cdr.JOINT_STATE, cdr.ROBOT_STATE)
 # The frame that poses of a stream are given in, by the first part of its name.
 FRAMES = {"headset": "world", "robot": "base", "mocap": "mocap"}
 
@@ -180,20 +183,27 @@ class TakeWriter:
         return self._channels[topic]
 
 
-def read_take(path: Path) -> Columns:
-    """All that a take holds; of a `.part`, which may be cut short, all of its complete chunks.
+def read_take(path: Path, *, joints: bool = True) -> Columns:
+    """What a take holds; of a `.part`, which may be cut short, all of its complete chunks.
+
+    Args:
+        path: the take.
+        joints: whether joint and controller states are wanted too, most of what a robot sends.
 
     Raises:
         DataError: no such file, not MCAP, or cut short.
     """
-    messages, metadata = read_messages(path, METADATA)
+    unwanted = _unwanted(path, joints=joints)
+    messages, metadata = read_messages(path, METADATA, lambda topic: topic not in unwanted)
     poses: dict[str, Samples] = {}
-    joints: dict[str, Joints] = {}
+    moved: dict[str, Joints] = {}
     events: list[Event] = []
     clocks: dict[str, Exchanges] = {}
     states: dict[str, States] = {}
     sampled = {m.topic.removesuffix("/samples") for m in messages if m.schema == cdr.SAMPLE}
     for topic in messages:
+        if topic.topic in unwanted or (topic.schema in STATES and not joints):
+            continue
         stream = topic.topic.removeprefix("/")
         if topic.schema == cdr.SAMPLE:
             poses[stream.removesuffix("/samples")] = cdr.decode_samples(topic)
@@ -202,7 +212,7 @@ def read_take(path: Path) -> Columns:
             if topic.topic.removesuffix("/pose") not in sampled:
                 poses[stream.removesuffix("/pose")] = cdr.decode_poses(topic)
         elif topic.schema == cdr.JOINT_STATE:
-            joints[stream] = cdr.decode_joints(topic)
+            moved[stream] = cdr.decode_joints(topic)
         elif topic.schema == cdr.CLOCK_EXCHANGE:
             clocks[stream.removeprefix("clock/")] = cdr.decode_exchanges(topic)
         elif topic.schema == cdr.ROBOT_STATE:
@@ -210,4 +220,18 @@ def read_take(path: Path) -> Columns:
         elif topic.schema == cdr.EVENT:
             events += map(cdr.decode_event, topic)
     events.sort(key=lambda event: event.t)
-    return Columns(poses, joints, events, clocks, metadata, states)
+    return Columns(poses, moved, events, clocks, metadata, states)
+
+
+def _unwanted(path: Path, *, joints: bool) -> set[str]:
+    """Topics that needn't be read, by the take's summary: poses of which samples say more, and
+    joint and controller states where nobody wants them.
+    """
+    topics = topics_of(path)
+    found = set() if joints else {t.name for t in topics if t.schema in STATES}
+    samples = {t.name.removesuffix("/samples") for t in topics if t.schema == cdr.SAMPLE}
+    return found | {
+        t.name
+        for t in topics
+        if t.schema == cdr.POSE_STAMPED and t.name.removesuffix("/pose") in samples
+    }
