@@ -45,7 +45,7 @@ from vrbench.protocols.vrbench_1 import PROTOCOL
 from vrbench.results.bundle import Bundle
 
 made, of = [], Stages.of
-Stages.of = lambda *parts: made.append(of(*parts)) or made[0]
+Stages.of = lambda *parts, **more: made.append(of(*parts, **more)) or made[0]
 bundle = Bundle.open(Path(sys.argv[1]))
 families = [*families_of(bundle.record.resolved_suite(), Plugins(), None), FAMILY]
 store = Store(Path(sys.argv[2]), 10**9) if len(sys.argv) > 2 else None
