@@ -19,9 +19,9 @@ from pathlib import Path
 from vrbench.config.rig import load_rig
 from vrbench.config.suite import load_suite
 from vrbench.motion.files import Header, write_motion
-from vrbench.motion.generators import saturating
+from vrbench.motion.generators import REACH, saturating
 from vrbench.plugin.manager import Plugins
-from vrbench.running.permission import plan_suite
+from vrbench.running.permission import Planned, plan_suite
 
 SECONDS = 16.0
 TOKEN = "0123456789abcdef"
@@ -32,10 +32,14 @@ suite: live
 version: 1
 title: As short as it can be
 references: [robot, mocap]
-motions: {head: turns.tum, calibration: turns.tum}
+motions: {head: turns.tum, opening: opening.tum, calibration: turns.tum}
 cases:
-  - {id: calibrate, motion: calibration, role: calibration}
-  - {id: replay, motion: head, needs: [x, clock, y], anchor: 2 s}
+  - {id: calibrate, motion: calibration, role: calibration, anchor: 2 s}
+  - id: replay
+    motion: head
+    loops: 2
+    exclude: [opening, gap]
+    needs: [x, clock, y]
 metrics: [ape, scale, coverage, timing, clock, handeye]
 gate: {handeye.translation: 30 mm, handeye.rotation: 2 deg, max_age: 60 min, bracket: 20 mm}
 rank: {metric: ape.translation.aligned, point: eye, statistic: rmse, min_coverage: 90 %}
@@ -205,7 +209,7 @@ class Lab:
         self.motive: subprocess.Popen | None = None
         self.headset: subprocess.Popen | None = None
         self._route = ""
-        write_turns(folder)
+        write_motions(folder)
         self.suite = suite or folder / "suite.yaml"
         if suite is None:
             self.suite.write_text(SUITE)
@@ -215,12 +219,15 @@ class Lab:
             told |= {"motive": self._port, "host": self.arm.host, "start": start}
             self.rigs[route] = folder / f"{route}.yaml"
             self.rigs[route].write_text(RIG.format(**told))
-        rig = str(self.rigs["webxr"])
-        planned = plan_suite(
-            load_suite(str(self.suite)), load_rig(rig), rig, Plugins(), lambda *_: None
-        )
+        planned = self._planned(self.suite)
         self.hash = planned.hash
         self.posture = start_posture(next(iter(planned.plans.values())))
+
+    def _planned(self, suite: Path) -> Planned:
+        rig = str(self.rigs["webxr"])
+        planned = plan_suite(load_suite(str(suite)), load_rig(rig), rig, Plugins(), lambda *_: None)
+        assert planned is not None
+        return planned
 
     def ready(self, route: str = "webxr") -> None:
         """All emulators run, and the arm is near where the motion starts."""
@@ -265,10 +272,11 @@ class Lab:
         route: str = "webxr",
         suite: Path | None = None,
     ):
-        """`vrbench run` or `record` at a terminal; another suite has the same motions."""
+        """`vrbench run` or `record` at a terminal, of the lab's suite or another."""
         self.ready(route)
         rig = self.rigs[route]
-        words = (verb, suite or self.suite, "--rig", rig, "-o", run, "--execute", self.hash)
+        plans = self.hash if suite is None else self._planned(suite).hash
+        words = (verb, suite or self.suite, "--rig", rig, "-o", run, "--execute", plans)
         typed = Typed(*words, *more, hands=self.hands)
         try:
             yield typed
@@ -303,11 +311,12 @@ class Lab:
         self._stage.unlink(missing_ok=True)
 
 
-def write_turns(folder: Path) -> None:
-    """The motion of the shortest suite: about and along all axes."""
-    header = Header(motion="turns", version=1, up="y", rate_hz=120, source="generated")
-    turns = saturating("turns", "All axes", SECONDS).trajectory
-    write_motion(folder / "turns.tum", header, turns)
+def write_motions(folder: Path) -> None:
+    """Those of the shortest suite, about and along all axes; what opens a loop isn't like it."""
+    for name, slower in (("turns", 1.0), ("opening", 1.2)):
+        header = Header(motion=name, version=1, up="y", rate_hz=120, source="generated")
+        made = saturating(name, "All axes", SECONDS / slower**2, REACH / slower, slower)
+        write_motion(folder / f"{name}.tum", header, made.trajectory)
 
 
 def end(process: subprocess.Popen | None) -> None:

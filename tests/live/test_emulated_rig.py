@@ -83,14 +83,27 @@ def test_its_numbers_are_the_errors_that_the_emulated_headset_has(whole):
     if late_ms(run) > LATE_MS:
         pytest.skip("this computer is too busy to emulate an arm in real time")
     rows = [r for r in read_rows(run / "metrics" / "vrbench-1.csv") if r.metric.startswith("ape")]
-    rows = [r for r in rows if (r.case, r.repeat, r.point) == ("replay", "1", "eye")]
+    rows = [r for r in rows if (r.repeat, r.point, r.band) == ("1", "eye", "all")]
     rows = [r for r in rows if (r.statistic, r.variant, r.segment) == ("rmse", "main", "all")]
-    found = {(r.reference, r.metric): r.value for r in rows if r.band == "all"}
+    found = {(r.reference, r.case, r.metric): r.value for r in rows}
     for reference in ("robot", "mocap"):
         # it wanders by 1.2 mm rms an axis, and by 0.09 deg
-        assert 0.3 < found[reference, "ape.translation.aligned"] < 6.0
+        assert 0.3 < found[reference, "replay", "ape.translation.aligned"] < 6.0
         # `aligned` turns the world by positions alone, which tell little in so short a motion
-        assert 0.05 < found[reference, "ape.rotation.anchored"] < 0.5
+        assert 0.05 < found[reference, "calibrate", "ape.rotation.anchored"] < 0.5
+
+
+def test_a_looped_take_is_scored_loop_by_loop_without_its_opening(whole):
+    run, _, _ = whole
+    columns = read_take(run / "takes" / f"{STEPS[1]}.mcap")
+    kinds = [event.kind for event in columns.events if event.kind in ("opening", "loop")]
+    assert kinds == ["opening"] * 2 + ["loop"] * 4
+    rows = [r for r in read_rows(run / "metrics" / "vrbench-1.csv") if r.point == "eye"]
+    rows = [r for r in rows if (r.metric, r.statistic) == ("ape.translation.aligned", "rmse")]
+    rows = [r for r in rows if r.reference == "mocap" and r.value is not None]
+    assert {"loop:1", "loop:2"} <= {r.segment for r in rows}
+    if late_ms(run) <= LATE_MS:
+        assert all(0.3 < r.value < 6.0 for r in rows if r.segment.startswith("loop"))
 
 
 def test_what_calibration_finds_is_how_the_headset_is_fixed(whole):
@@ -193,8 +206,9 @@ def test_ctrl_c_stops_the_robot_and_leaves_a_run_to_go_on_with(lab, rng, tmp_pat
 
 def test_a_calibration_with_a_headset_over_udp_is_recorded_and_scored(lab, tmp_path, record_of):
     run, suite = tmp_path / "run", lab.folder / "calibration.yaml"
-    scored = [line for line in SUITE.splitlines() if "id: replay" not in line]
-    suite.write_text("\n".join(scored).replace("calibration}\n", "calibration, needs: [x, y]}\n"))
+    before, _, after = SUITE.partition("  - id: replay")
+    scored = before + after[after.index("metrics:") :]
+    suite.write_text(scored.replace("anchor: 2 s}", "needs: [x, y]}"))
     with lab.vrbench("run", run, route="quest", suite=suite) as typed:
         assert typed.end() == 0, typed.shown[-3000:]
     record = record_of(run)
