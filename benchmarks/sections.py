@@ -112,8 +112,13 @@ def metrics(extent: Extent) -> Iterator[str]:
     yield from missing("evo")
     if installed("evo") is None:
         return
-    minutes = 2 if extent.quick else 20
-    reference, estimate = tum_files(extent.folder, 60 * minutes)
+    for minutes in (2,) if extent.quick else (20, 120):
+        yield f"**{MINUTES[minutes]}**"
+        yield _whole_set(*tum_files(extent.folder, 60 * minutes))
+
+
+def _whole_set(reference: Path, estimate: Path) -> str:
+    """A table of one length."""
     deltas = {"1 frame": ("1", "f"), "72 frames": ("72", "f"), "1 m": ("1", "m")}
     words = [word for delta in deltas for word in ("--rpe", delta)]
     contestants = {
@@ -133,8 +138,7 @@ def metrics(extent: Extent) -> Iterator[str]:
     rows = compared(found)
     total = sum(one.cpu_s for one in theirs)
     rows.append([f"evo, {len(theirs)} runs", seconds(total), "", times(total / ours.cpu_s)])
-    yield f"**{MINUTES[minutes]}**"
-    yield table(COMPARED, rows)
+    return table(COMPARED, rows)
 
 
 def mcap(extent: Extent) -> Iterator[str]:

@@ -78,15 +78,18 @@ def late_ms(run) -> float:
     return max(late)
 
 
+def trusted(run) -> list[str]:
+    """The references that tell the truth: an arm that is late doesn't know when it was where."""
+    return ["mocap"] if late_ms(run) > LATE_MS else ["mocap", "robot"]
+
+
 def test_its_numbers_are_the_errors_that_the_emulated_headset_has(whole):
     run, _, _ = whole
-    if late_ms(run) > LATE_MS:
-        pytest.skip("this computer is too busy to emulate an arm in real time")
     rows = [r for r in read_rows(run / "metrics" / "vrbench-1.csv") if r.metric.startswith("ape")]
     rows = [r for r in rows if (r.repeat, r.point, r.band) == ("1", "eye", "all")]
     rows = [r for r in rows if (r.statistic, r.variant, r.segment) == ("rmse", "main", "all")]
     found = {(r.reference, r.case, r.metric): r.value for r in rows}
-    for reference in ("robot", "mocap"):
+    for reference in trusted(run):
         # it wanders by 1.2 mm rms an axis, and by 0.09 deg
         assert 0.3 < found[reference, "replay", "ape.translation.aligned"] < 6.0
         # `aligned` turns the world by positions alone, which tell little in so short a motion
@@ -100,10 +103,12 @@ def test_a_looped_take_is_scored_loop_by_loop_without_its_opening(whole):
     assert kinds == ["opening"] * 2 + ["loop"] * 4
     rows = [r for r in read_rows(run / "metrics" / "vrbench-1.csv") if r.point == "eye"]
     rows = [r for r in rows if (r.metric, r.statistic) == ("ape.translation.aligned", "rmse")]
-    rows = [r for r in rows if r.reference == "mocap" and r.value is not None]
-    assert {"loop:1", "loop:2"} <= {r.segment for r in rows}
-    if late_ms(run) <= LATE_MS:
-        assert all(0.3 < r.value < 6.0 for r in rows if r.segment.startswith("loop"))
+    for reference in trusted(run):
+        found = {
+            r.segment: r.value for r in rows if (r.reference, r.variant) == (reference, "main")
+        }
+        assert 0.3 < found["loop:1"] < 6.0
+        assert 0.3 < found["loop:2"] < 6.0
 
 
 def test_what_calibration_finds_is_how_the_headset_is_fixed(whole):
@@ -223,5 +228,4 @@ def test_a_calibration_with_a_headset_over_udp_is_recorded_and_scored(lab, tmp_p
     assert {(r.reference, r.repeat) for r in rows if r.status == "ok"} >= {
         (reference, repeat) for reference in ("robot", "mocap") for repeat in ("1", "2")
     }
-    if late_ms(run) < LATE_MS:
-        assert all(0.3 < r.value < 6.0 for r in rows)
+    assert all(0.3 < r.value < 6.0 for r in rows if r.reference in trusted(run))
